@@ -22,6 +22,21 @@ from crossmodal.systems.port_values.bodies import (
     HeldBody,
     no_features,
 )
+from crossmodal.systems.port_values.declutter import (
+    NO_GRAPH,
+    NO_PUSH,
+    NO_QUALITIES,
+    NO_SEGMENTS,
+    NO_TRIES,
+    DeclutterAction,
+    DeclutterGraph,
+    DeclutterVertex,
+    GraspQualities,
+    Push,
+    Segment,
+    Segments,
+    Tries,
+)
 from crossmodal.systems.port_values.flap import (
     UNKNOWN_ANGLE,
     UNKNOWN_HINGE,

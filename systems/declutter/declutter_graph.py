@@ -1,0 +1,190 @@
+"""The declutter graph: a tree of objects around a target, and which of them to take away how.
+
+Source: section II-B of the paper on active visuo-tactile perception in clutter, equations 1 and 2.
+Equation 1 gives an edge the IoU of two boxes above mu_o and 1/distance otherwise, so that any
+contour nearer than a metre outranks any overlap. Here an edge weighs
+
+    w = 1 + (IoU - mu_o) / (1 - mu_o)                        where IoU > mu_o, 1 to 2,
+    w = 1 - min(d / mu_d, 1) (1 - IoU / mu_o)                otherwise, 0 to 1,
+
+and there is none where w = 0. So every overlap outranks every nearness; w is continuous, rises with
+IoU and falls with d. Equation 2 stands: an object is grasped if the quality of its best grasp is at
+least mu_q, and pushed otherwise. What has failed too often is replaced by the other action.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
+
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.validation import number
+from crossmodal.systems.declutter.push import PushConfig, plan_push
+from crossmodal.systems.declutter.segments import intersection_over_union
+from crossmodal.systems.port_values import (
+    NO_PUSH,
+    DeclutterAction,
+    DeclutterGraph,
+    DeclutterVertex,
+    Segment,
+    Segments,
+    Tries,
+)
+
+NO_TARGET = "no target in view"
+TARGET_FREE = "target is free"
+NOTHING_LEFT = "nothing that is in the way can be moved"
+
+_DIGITS = 9  # Weights that agree so far are alike: rounding errors decide nothing.
+
+
+@dataclass(kw_only=True)
+class DeclutterConfig:
+    """What hangs together, and how it is taken apart."""
+
+    # mu_o: a larger IoU of two boxes is an overlap.
+    overlap: float = number(0.05, at_least=1e-3, below=1.0)
+    # mu_d: contours that are nearer hang together. The paper's .5 m would be all of the table.
+    near: float = number(0.1, at_least=1e-3, at_most=10.0, unit="m")
+    # mu_q: an object with a better grasp is grasped.
+    grasp_quality: float = number(0.1, at_least=0.0, at_most=1.0)
+    # Of each action on each object.
+    tries: int = number(2, at_least=1, at_most=100)
+    push: PushConfig = field(default_factory=PushConfig)
+
+
+def edge_weight(first: Segment, second: Segment, config: DeclutterConfig) -> float:
+    """Of the edge between two objects, 0 to 2; zero for none. See the module's text."""
+    overlap = intersection_over_union(first.box, second.box)
+    if overlap > config.overlap:
+        weight = 1.0 + (overlap - config.overlap) / (1.0 - config.overlap)
+    else:
+        apart = min(first.contour.distance(second.contour) / config.near, 1.0)
+        weight = 1.0 - apart * (1.0 - overlap / config.overlap)
+    return round(weight, _DIGITS)
+
+
+def edge_weights(segments: Sequence[Segment], config: DeclutterConfig) -> Array:
+    """Of all pairs of objects (N, N), symmetric, zero on the diagonal."""
+    weights = np.zeros((len(segments), len(segments)))
+    for i, first in enumerate(segments):
+        for j in range(i):
+            weights[i, j] = weights[j, i] = edge_weight(first, segments[j], config)
+    return weights
+
+
+def spanning_tree(weights: Array, root: int) -> dict[int, int]:
+    """The maximum spanning tree of what is connected to the root.
+
+    Among edges of the same weight the one between the lowest indices comes first.
+
+    Args:
+        weights: (N, N), symmetric; zero where there is no edge.
+        root: Index of the root.
+
+    Returns:
+        Indices of the vertices' parents by their own, breadth first; -1 for the root.
+    """
+    i, j = np.nonzero(np.triu(weights))
+    ranks = np.empty(len(i))
+    ranks[np.argsort(-weights[i, j], kind="stable")] = np.arange(1, len(i) + 1)
+    tree = minimum_spanning_tree(csr_array((ranks, (i, j)), shape=weights.shape))
+    order, parent = breadth_first_order(tree + tree.T, root)
+    return {int(k): int(parent[k]) if k != root else -1 for k in order}
+
+
+def actions_left(
+    number: int, quality: float, tries: Tries, config: DeclutterConfig
+) -> list[DeclutterAction]:
+    """The actions on an object that may still be tried, the preferred one first.
+
+    Args:
+        number: Of the object.
+        quality: Of its best grasp, clipped to 0 to 1; at zero and for NaN there is no grasp.
+        tries: What has failed.
+        config: With mu_q and how often an action is tried.
+    """
+    quality = min(max(float(np.nan_to_num(quality)), 0.0), 1.0)
+    grasp, push = DeclutterAction.GRASP, DeclutterAction.PUSH
+    order = [grasp, push] if quality >= config.grasp_quality else [push, grasp]
+    possible = order if quality > 0.0 else [push]
+    return [action for action in possible if tries.count(number, action) < config.tries]
+
+
+def find_target(segments: Sequence[Segment], name: str) -> Segment | None:
+    """The object of this class that covers most of the table, the lowest number among equals."""
+    named = [segment for segment in segments if segment.name == name]
+    return min(named, key=lambda s: (-round(s.contour.area, _DIGITS), s.number), default=None)
+
+
+def declutter_graph(
+    scene: Segments,
+    target: str,
+    qualities: Mapping[int, float],
+    tries: Tries,
+    config: DeclutterConfig,
+) -> DeclutterGraph:
+    """The graph of a scene, and what to take away next.
+
+    That is the leaf of the highest incoming weight on which an action may still be tried and is
+    possible, and among equal ones that of the lowest number.
+
+    Args:
+        scene: All objects.
+        target: Name of the target's class.
+        qualities: Of the objects' best grasps, by their numbers; none: no grasp.
+        tries: What has failed.
+        config: Of the graph and of pushes.
+
+    Raises:
+        ValueError: where two objects have the same number.
+    """
+    segments = sorted(scene.segments, key=lambda segment: segment.number)
+    numbers = [segment.number for segment in segments]
+    if len(set(numbers)) < len(numbers):
+        raise ValueError(f"two objects have the same number: {numbers}")
+    root = find_target(segments, target)
+    if root is None:
+        return DeclutterGraph(number=scene.number, apart=tuple(segments), why=NO_TARGET)
+    weights = edge_weights(segments, config)
+    tree = spanning_tree(weights, numbers.index(root.number))
+    left = {n: actions_left(n, qualities.get(n, 0.0), tries, config) for n in numbers}
+    vertices = {root.number: DeclutterVertex(segment=root)}
+    for i, parent in list(tree.items())[1:]:
+        n = numbers[i]
+        vertices[n] = DeclutterVertex(
+            segment=segments[i],
+            parent=numbers[parent],
+            weight=float(weights[i, parent]),
+            action=next(iter(left[n]), None),
+            why="" if left[n] else _used_up(n, tries),
+        )
+    graph = DeclutterGraph(
+        number=scene.number,
+        vertices=tuple(vertices.values()),
+        apart=tuple(segment for i, segment in enumerate(segments) if i not in tree),
+        why=TARGET_FREE if len(tree) == 1 else NOTHING_LEFT,
+    )
+    for leaf in sorted(graph.leaves, key=lambda leaf: (-leaf.weight, leaf.segment.number)):
+        n, why = leaf.segment.number, leaf.why
+        others = [segment for segment in segments if segment.number != n]
+        for action in left[n]:
+            push = NO_PUSH
+            if action is DeclutterAction.PUSH:
+                push = plan_push(leaf.segment, others, root, config.push)
+                if push.why:
+                    why = push.why
+                    continue
+            vertices[n] = replace(leaf, action=action)
+            found = tuple(vertices.values())
+            return replace(graph, vertices=found, next=n, push=push, why="")
+        vertices[n] = replace(leaf, action=None, why=why)
+    return replace(graph, vertices=tuple(vertices.values()))
+
+
+def _used_up(number: int, tries: Tries) -> str:
+    counts = {action: tries.count(number, action) for action in DeclutterAction}
+    failed = [f"{count} x {action}" for action, count in counts.items() if count]
+    return f"all tries are used up: {', '.join(failed)}"

@@ -1,0 +1,70 @@
+"""The planner of what to take away: the declutter graph of each new image."""
+
+from typing import Any
+
+from pydrake.systems.framework import Context
+
+from crossmodal.maths.validation import check
+from crossmodal.systems.declutter.declutter_graph import DeclutterConfig, declutter_graph
+from crossmodal.systems.port_values import (
+    NO_GRAPH,
+    NO_QUALITIES,
+    NO_SEGMENTS,
+    NO_TRIES,
+    DeclutterGraph,
+    GraspQualities,
+    Segments,
+)
+from crossmodal.systems.recursive_filter import RecursiveFilter
+
+
+class DeclutterPlanner(RecursiveFilter):
+    """Makes the declutter graph whenever a new image has been segmented.
+
+    What has failed is read then: after an action, whatever came of it, there is a new image.
+
+    Input ports:
+    - `segments`: `Segments`, all objects in the last image, whose number tells that it is new;
+      places in W, [m].
+    - `grasp_qualities`: `GraspQualities` of an image, each clipped to 0 to 1; the graph waits for
+      those of its own image. May stay unconnected, then nothing can be grasped.
+    - `tries`: `Tries`, how often which action has failed on which object. May stay unconnected,
+      then none has.
+
+    Output ports:
+    - `declutter_graph`: `DeclutterGraph` of the last tick, from the state alone; `NO_GRAPH` before
+      the first image.
+    """
+
+    def __init__(self, target: str, config: DeclutterConfig, period: float) -> None:
+        """Makes the planner.
+
+        Args:
+            target: Name of the target's class.
+            config: Of the graph.
+            period: Of the ticks, [s].
+
+        Raises:
+            ValueError: for an impossible configuration, and where the target has no name.
+        """
+        super().__init__()
+        check(config, "DeclutterPlanner")
+        if not target:
+            raise ValueError("DeclutterPlanner: target = '', but it must be the name of a class")
+        self._target, self._config = target, config
+        self._segments = self._declare_value_input("segments", NO_SEGMENTS)
+        self._qualities = self._declare_value_input("grasp_qualities", NO_QUALITIES)
+        self._tries = self._declare_value_input("tries", NO_TRIES)
+        self._declare_recursion(NO_GRAPH, self._calc, period)
+        self._declare_latest("declutter_graph", lambda graph: graph)
+
+    def _calc(self, context: Context, graph: Any) -> DeclutterGraph:
+        before: DeclutterGraph = graph
+        scene: Segments = self._read(self._segments, context)
+        found: GraspQualities | None = self._read_optional(self._qualities, context)
+        waits = found is not None and found.number != scene.number
+        if scene.number == before.number or waits:
+            return before
+        tries = self._read_optional(self._tries, context) or NO_TRIES
+        qualities = (found or NO_QUALITIES).qualities
+        return declutter_graph(scene, self._target, qualities, tries, self._config)

@@ -1,0 +1,156 @@
+"""Objects on a table from masks in an image: outlines on the table's plane, and their numbers.
+
+A pixel of an outline is moved along its ray to the height at which the depth image sees it, and
+from there straight down. Without depth it is moved to the table itself, so that what is high is
+shown behind its place, farther from the camera, and too large: then let the camera look from above.
+"""
+
+from dataclasses import replace
+from itertools import count, product
+
+import cv2
+import numpy as np
+import shapely
+from scipy.optimize import linear_sum_assignment
+
+from crossmodal.maths.arrays import Array, Mask
+from crossmodal.maths.pinhole import Intrinsics
+from crossmodal.systems.port_values import Segment
+
+_TOLERANCE = 1.0  # By how much an outline is simplified, [px].
+_AROUND = 3  # A corner's height is the median of the object's so many pixels around it.
+_TOP = 0.98  # The quantile of an object's heights that is its top: a few are wrong.
+
+
+def intersection_over_union(first: shapely.Geometry, second: shapely.Geometry) -> float:
+    """0 to 1, of two polygons with an area."""
+    return float(first.intersection(second).area / first.union(second).area)
+
+
+def outline(mask: Mask) -> shapely.Polygon:
+    """The polygon around the pixels of a mask (H, W), [px], without holes.
+
+    What is seen in several parts gets their common hull: something lies over its middle.
+
+    Raises:
+        ValueError: for a mask without a pixel.
+    """
+    parts, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
+    if not parts:
+        raise ValueError("the mask of an object has no pixel")
+    filled = []
+    for part in parts:
+        # OpenCV's outline runs through the pixels' centres, and to and fro where it is thin.
+        line = shapely.LineString(np.concatenate([part, part[:1]])[:, 0]).simplify(_TOLERANCE)
+        wide = line.buffer(0.5, cap_style="square", join_style="mitre")
+        filled.append(shapely.Polygon(wide.exterior))
+    return filled[0] if len(filled) == 1 else shapely.MultiPolygon(filled).convex_hull
+
+
+def on_plane(uv: Array, intrinsics: Intrinsics, X_WC: Array, z: Array) -> Array:
+    """Places (N, 2) in W of pixels (N, 2) on planes of heights z (N,), [m].
+
+    Raises:
+        ValueError: where a pixel's ray does not meet its plane in front of the camera.
+    """
+    rays = _rays(uv, intrinsics, X_WC)
+    down = X_WC[2, 3] - z
+    if not (down * -rays[:, 2] > 0.0).all():
+        raise ValueError("a pixel shows no point of the table: its ray does not meet the plane")
+    return np.asarray(X_WC[:2, 3] + (down / -rays[:, 2])[:, None] * rays[:, :2])
+
+
+def segment_of_mask(
+    number: int,
+    name: str,
+    mask: Mask,
+    intrinsics: Intrinsics,
+    X_WC: Array,
+    table: float,
+    depth: Array | None = None,
+) -> Segment:
+    """An object from its mask.
+
+    An outline that crosses itself, since its corners are moved by heights that are wrong, is made
+    valid by Shapely: each part of it counts once.
+
+    Args:
+        number: Of the object.
+        name: Of its class; empty for none.
+        mask: (H, W).
+        intrinsics: Of the camera.
+        X_WC: Of the camera (4, 4), where it is believed to have been.
+        table: z of the table's plane in W, [m].
+        depth: (H, W) along the camera's axis, [m]; zero, NaN or infinite where nothing was
+            measured, there the table is taken.
+
+    Raises:
+        ValueError: for a mask without a pixel, and where a pixel's ray misses the table.
+    """
+    heights = np.full(mask.shape, np.nan)
+    if depth is not None:
+        heights = _heights(mask, intrinsics, X_WC, table, depth)
+
+    def place(uv: Array) -> Array:
+        z = [_median_around(heights, corner) for corner in uv.round().astype(int)]
+        return on_plane(uv, intrinsics, X_WC, table + np.nan_to_num(np.array(z)))
+
+    pixels = outline(mask)
+    contour = shapely.transform(pixels, place)
+    known = heights[np.isfinite(heights)]
+    return Segment(
+        number=number,
+        name=name,
+        contour=shapely.make_valid(contour, method="structure", keep_collapsed=False),
+        pixels=pixels,
+        top=float(np.quantile(known, _TOP)) if known.size else np.nan,
+    )
+
+
+def _rays(uv: Array, intrinsics: Intrinsics, X_WC: Array) -> Array:
+    """From the camera through pixels (N, 2) to where their depth is one (N, 3), in W."""
+    focal_x, focal_y, center_x, center_y = intrinsics.vector()
+    u, v = (uv - (center_x, center_y)).T
+    return np.column_stack([u / focal_x, v / focal_y, np.ones(len(uv))]) @ X_WC[:3, :3].T
+
+
+def _heights(mask: Mask, intrinsics: Intrinsics, X_WC: Array, table: float, depth: Array) -> Array:
+    """Heights (H, W) above the table, at least zero; NaN where none was measured."""
+    known = mask & np.isfinite(depth) & (depth > 0.0)
+    rays = _rays(np.argwhere(known)[:, ::-1].astype(float), intrinsics, X_WC)
+    heights = np.full(mask.shape, np.nan)
+    heights[known] = np.maximum(X_WC[2, 3] + depth[known] * rays[:, 2] - table, 0.0)
+    return heights
+
+
+def _median_around(heights: Array, corner: Array) -> float:
+    u, v = np.maximum(corner - _AROUND, 0)
+    near = heights[v : corner[1] + _AROUND + 1, u : corner[0] + _AROUND + 1]
+    known = near[np.isfinite(near)]
+    return float(np.median(known)) if known.size else np.nan
+
+
+def with_known_numbers(
+    seen: tuple[Segment, ...], known: tuple[Segment, ...], reach: float
+) -> tuple[Segment, ...]:
+    """The objects of a new image, with the numbers that they had before.
+
+    Objects of a class are paired so that all distances together are least, each counted up to the
+    reach. What is in no pair within it gets a number that nobody has had among those known.
+
+    Args:
+        seen: In the new image, with any numbers.
+        known: All that were ever seen, each as it was last.
+        reach: Farthest distance that an object has gone since, [m].
+    """
+    far = np.full((len(seen), len(known)), np.inf)
+    for (i, new), (j, old) in product(enumerate(seen), enumerate(known)):
+        if new.name == old.name:
+            far[i, j] = np.linalg.norm(new.centroid - old.centroid)
+    pairs = dict(zip(*linear_sum_assignment(np.minimum(far, reach)), strict=True))
+    fresh = count(1 + max((old.number for old in known), default=-1))
+    numbers = [
+        known[pairs[i]].number if i in pairs and far[i, pairs[i]] <= reach else next(fresh)
+        for i in range(len(seen))
+    ]
+    return tuple(replace(new, number=n) for new, n in zip(seen, numbers, strict=True))

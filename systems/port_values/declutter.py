@@ -1,0 +1,204 @@
+"""What stands on a table around a target, and in which order to take it away, by which action.
+
+Frame: places are x and y in the world W, whose z points up, in metres. What a camera sees is moved
+to the table's plane (`declutter.segments`): there a distance, a box and the width of a finger mean
+the same from wherever a camera looks and however many pixels it has, and pushes are planned there.
+In pixels, as in the paper, thresholds would hold for one camera at one place. Shapes are Shapely's,
+which cannot be written.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+
+import numpy as np
+import shapely
+
+from crossmodal.maths.arrays import Array, unknown
+from crossmodal.maths.immutable import Immutable
+
+_NOTHING: shapely.Geometry = shapely.Polygon()
+
+
+class DeclutterAction(StrEnum):
+    """How an object is taken out of the way."""
+
+    GRASP = "grasp"
+    PUSH = "push"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Segment(Immutable):
+    """An object as one image of the scene shows it.
+
+    Attributes:
+        number: Of the object, zero or above; the same from image to image.
+        name: Of its class; empty for an object of no known class.
+        contour: The polygon around it, in W, [m]; in several parts where an image says so. Of an
+            object that is wider above than at its foot, it is that of the widest place.
+        pixels: The same in the image, [px]; empty where there is none.
+        top: Height of the object above the table, [m]; NaN where it is not known.
+
+    Raises:
+        ValueError: for a contour without an area and for one that crosses itself.
+    """
+
+    number: int
+    name: str = ""
+    contour: shapely.Geometry
+    pixels: shapely.Geometry = _NOTHING
+    top: float = np.nan
+
+    def __post_init__(self) -> None:
+        if not (self.contour.is_valid and self.contour.area > 0.0):
+            why = shapely.is_valid_reason(self.contour)
+            raise ValueError(f"object {self.number}: the contour must have an area: {why}")
+
+    @property
+    def box(self) -> shapely.Polygon:
+        """The rectangle of least area around the contour, in W, [m]."""
+        return self.contour.oriented_envelope
+
+    @property
+    def centroid(self) -> Array:
+        """Of the contour's area (2,), in W, [m]."""
+        return shapely.get_coordinates(self.contour.centroid)[0]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Segments(Immutable):
+    """All objects that one image shows.
+
+    Attributes:
+        number: Of the image, from one on; zero: there is none yet.
+        time: When it was taken, [s].
+        segments: In any order, each with a number of its own.
+    """
+
+    number: int = 0
+    time: float = 0.0
+    segments: tuple[Segment, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class GraspQualities(Immutable):
+    """How good the best grasp of each object is.
+
+    Attributes:
+        number: Of the image that they were found in.
+        qualities: By the objects' numbers, 0 to 1; an object without one cannot be grasped.
+    """
+
+    number: int = 0
+    qualities: Mapping[int, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tries(Immutable):
+    """How often each action has failed on each object.
+
+    Attributes:
+        failed: Counts by the object's number and the action.
+    """
+
+    failed: Mapping[tuple[int, DeclutterAction], int] = field(default_factory=dict)
+
+    def count(self, number: int, action: DeclutterAction) -> int:
+        """How often an action has failed on an object."""
+        return self.failed.get((number, action), 0)
+
+    def with_failure(self, number: int, action: DeclutterAction) -> "Tries":
+        """The same and one more."""
+        key = (number, action)
+        return replace(self, failed={**self.failed, key: self.count(*key) + 1})
+
+
+@dataclass(frozen=True, kw_only=True)
+class Push(Immutable):
+    """A straight push of an object over the table by a finger that is already behind it.
+
+    Attributes:
+        why: Why there is none, in words; empty if there is one. Without one all else is NaN or
+            empty.
+        point: Where the finger pushes on the contour (2,), in W, [m].
+        direction: Of the push (2,), a unit vector in W.
+        length: From the contact on, [m].
+        height: Highest one above the table at which the finger may push, [m].
+        finger: The rectangle in which the finger comes down, in W, [m].
+        overlap: Mean over the other objects of the IoU of their contours with the finger's place;
+            above zero, the finger would come down on one of them.
+    """
+
+    why: str = ""
+    point: Array = unknown(2)
+    direction: Array = unknown(2)
+    length: float = np.nan
+    height: float = np.nan
+    finger: shapely.Geometry = _NOTHING
+    overlap: float = np.nan
+
+
+NO_PUSH = Push(why="no push is wanted")
+
+
+@dataclass(frozen=True, kw_only=True)
+class DeclutterVertex(Immutable):
+    """An object in the tree, and the edge that leads to it.
+
+    Attributes:
+        segment: The object.
+        parent: Number of the object that it hangs on; -1 for the root, which is the target.
+        weight: Of the edge from there, above 0 to 2; zero for the root.
+        action: By which to take it away; None for the root, and where none is possible.
+        why: Why none is possible, in words.
+    """
+
+    segment: Segment
+    parent: int = -1
+    weight: float = 0.0
+    action: DeclutterAction | None = None
+    why: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DeclutterGraph(Immutable):
+    """A tree of objects with the target as its root, and what to do next.
+
+    Attributes:
+        number: Of the image that it was made from; zero: there is none yet.
+        vertices: The root, then what hangs on it, then what hangs on that, and so on.
+        apart: The objects that hang on nothing.
+        next: Number of the object to take away; -1 for none.
+        push: How, where it is to be pushed.
+        why: Why there is none, in words.
+    """
+
+    number: int = 0
+    vertices: tuple[DeclutterVertex, ...] = ()
+    apart: tuple[Segment, ...] = ()
+    next: int = -1
+    push: Push = NO_PUSH
+    why: str = ""
+
+    def vertex(self, number: int) -> DeclutterVertex:
+        """The vertex of an object.
+
+        Raises:
+            KeyError: with the numbers that there are, where it is not in the tree.
+        """
+        vertices = {vertex.segment.number: vertex for vertex in self.vertices}
+        if number not in vertices:
+            raise KeyError(f"object {number} is not in the tree; there are {[*vertices]}")
+        return vertices[number]
+
+    @property
+    def leaves(self) -> tuple[DeclutterVertex, ...]:
+        """On which nothing hangs, without the root."""
+        parents = {vertex.parent for vertex in self.vertices}
+        return tuple(v for v in self.vertices[1:] if v.segment.number not in parents)
+
+
+NO_SEGMENTS = Segments()
+NO_QUALITIES = GraspQualities()
+NO_TRIES = Tries()
+NO_GRAPH = DeclutterGraph(why="there is no image yet")

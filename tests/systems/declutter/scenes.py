@@ -1,0 +1,44 @@
+"""Objects on a table as rectangles, and scenes of them by lot."""
+
+import numpy as np
+import shapely
+
+from crossmodal.maths.arrays import Array
+from crossmodal.systems.port_values import Segment, Segments
+
+NAMES = ("wineglass", "can", "sponge", "marker", "", "box")
+
+
+def rectangle(
+    number: int,
+    name: str,
+    place: tuple[float, float],
+    size: tuple[float, float] = (0.04, 0.04),
+    angle: float = 0.0,
+) -> Segment:
+    """Of this width and height [m] around a place, turned by an angle [rad]."""
+    corners = 0.5 * np.array(size) * [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]
+    contour = shapely.Polygon(corners @ rotation(angle).T + place)
+    return Segment(number=number, name=name, contour=contour)
+
+
+def rotation(angle: float) -> Array:
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, -s], [s, c]])
+
+
+def random_scene(seed: int, count: int = 10, spread: float = 0.1) -> tuple[Segment, ...]:
+    """So many rectangles; the first one is the only wineglass."""
+    rng = np.random.default_rng(seed)
+    found = []
+    for number in range(count):
+        x, y = rng.normal(scale=spread, size=2)
+        width, height = rng.uniform(0.02, 0.12, 2)
+        name = NAMES[0] if number == 0 else NAMES[1 + number % 5]
+        turn = rng.uniform(0.0, np.pi)
+        found.append(rectangle(number, name, (0.5 + x, y), (width, height), turn))
+    return tuple(found)
+
+
+def image(*segments: Segment, number: int = 1) -> Segments:
+    return Segments(number=number, time=0.1 * number, segments=segments)

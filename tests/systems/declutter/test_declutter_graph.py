@@ -1,0 +1,334 @@
+"""Weights, trees and choices of the declutter graph."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+import shapely
+from numpy.testing import assert_allclose, assert_array_equal
+from scipy.sparse.csgraph import connected_components, minimum_spanning_tree
+
+from crossmodal.systems.declutter.declutter_graph import (
+    NO_TARGET,
+    NOTHING_LEFT,
+    TARGET_FREE,
+    DeclutterConfig,
+    actions_left,
+    declutter_graph,
+    edge_weight,
+    edge_weights,
+    spanning_tree,
+)
+from crossmodal.systems.port_values import (
+    NO_PUSH,
+    NO_TRIES,
+    DeclutterAction,
+    DeclutterGraph,
+    Segment,
+    Tries,
+)
+from tests.systems.declutter.scenes import image, random_scene, rectangle
+
+CONFIG = DeclutterConfig()  # An overlap of .05, distances below 10 cm.
+GRASP, PUSH = DeclutterAction.GRASP, DeclutterAction.PUSH
+
+
+def graph_of(
+    *segments: Segment, qualities: dict[int, float] | None = None, tries: Tries = NO_TRIES
+) -> DeclutterGraph:
+    return declutter_graph(image(*segments), "wineglass", qualities or {}, tries, CONFIG)
+
+
+def row(*places: float) -> list[Segment]:
+    """Squares of 4 cm along x; the first one is the target."""
+    return [
+        rectangle(number, "can" if number else "wineglass", (x, 0.0))
+        for number, x in enumerate(places)
+    ]
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.5, 2.0])
+@pytest.mark.parametrize("share", [0.1, 0.25, 0.5, 0.9])
+def test_overlaps_weigh_by_their_iou(share: float, angle: float) -> None:
+    """Two equal rectangles of which this share is common."""
+    shift = 0.06 * (1.0 - share)
+    place = shift * np.cos(angle), shift * np.sin(angle)
+    one = rectangle(0, "", (0.0, 0.0), (0.06, 0.03), angle)
+    other = rectangle(1, "", place, (0.06, 0.03), angle)
+    iou = share / (2.0 - share)
+    assert edge_weight(one, other, CONFIG) == pytest.approx(1.0 + (iou - 0.05) / 0.95)
+    assert edge_weight(other, one, CONFIG) == edge_weight(one, other, CONFIG)
+
+
+def test_a_square_and_a_turned_one_weigh_by_their_octagon() -> None:
+    one, other = rectangle(0, "", (0.3, 0.0)), rectangle(1, "", (0.3, 0.0), angle=np.pi / 4.0)
+    octagon = 2.0 * (np.sqrt(2.0) - 1.0)
+    iou = octagon / (2.0 - octagon)
+    assert edge_weight(one, other, CONFIG) == pytest.approx(1.0 + (iou - 0.05) / 0.95)
+
+
+@pytest.mark.parametrize("gap", [0.0, 0.01, 0.05, 0.099])
+def test_nearness_falls_with_the_distance(gap: float) -> None:
+    one, other = row(0.0, 0.04 + gap)
+    assert edge_weight(one, other, CONFIG) == pytest.approx(1.0 - gap / 0.1)
+
+
+def test_what_is_far_has_no_edge() -> None:
+    one, other = row(0.0, 0.14)
+    assert edge_weight(one, other, CONFIG) == 0.0
+
+
+def test_any_overlap_outranks_any_nearness() -> None:
+    barely = 2.0 * 0.05 / 1.05 + 1e-3  # The share that squares have in common, just above mu_o.
+    overlapping = row(0.0, 0.04 * (1.0 - barely))
+    assert edge_weight(*overlapping, CONFIG) > 1.0
+    assert edge_weight(*row(0.0, 0.04), CONFIG) == 1.0  # They touch.
+    # As printed, contours half a metre apart would weigh 2.
+    assert edge_weight(*row(0.0, 0.04), CONFIG) < edge_weight(*overlapping, CONFIG)
+
+
+def test_the_weight_is_continuous_from_far_to_the_same_place() -> None:
+    shifts = np.linspace(0.16, 0.0, 1001)
+    weights = [edge_weight(*row(0.0, shift), CONFIG) for shift in shifts]
+    assert (np.diff(weights) >= 0.0).all()
+    steepest = 2.0 / 0.04 / 0.95  # Of the IoU of two equal squares, where they coincide.
+    assert np.diff(weights).max() < steepest * 0.16 / 1000
+    assert_allclose([weights[0], weights[-1]], [0.0, 2.0])
+
+
+def test_boxes_that_overlap_a_little_do_not_jump_at_the_threshold() -> None:
+    """The box of an L holds its notch: boxes overlap where contours are apart."""
+    corners = [[0.0, 0.0], [0.2, 0.0], [0.2, 0.02], [0.02, 0.02], [0.02, 0.2], [0.0, 0.2]]
+    ell = Segment(number=0, contour=shapely.Polygon(corners))
+    weights = [
+        edge_weight(ell, rectangle(1, "", (0.19 - shift, 0.19 - shift), (0.06, 0.06)), CONFIG)
+        for shift in np.linspace(0.0, 0.09, 500)
+    ]
+    assert min(weights) < 1.0 < max(weights)
+    assert np.abs(np.diff(weights)).max() < 2e-2
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_tree_is_the_maximum_spanning_tree(seed: int) -> None:
+    scene = random_scene(seed, spread=0.15)
+    weights = edge_weights(scene, CONFIG)
+    tree = spanning_tree(weights, 0)
+    _, labels = connected_components(weights)
+    connected = np.flatnonzero(labels == labels[0])
+    assert sorted(tree) == connected.tolist()
+    total = sum(weights[i, parent] for i, parent in tree.items() if parent >= 0)
+    # A constant is added, so that edges that weigh nothing are not the same as none.
+    within = weights[np.ix_(connected, connected)]
+    expected = minimum_spanning_tree(np.where(within > 0.0, 3.0 - within, 0.0)).toarray()
+    assert total == pytest.approx(3.0 * (len(connected) - 1) - expected.sum())
+    order = list(tree)
+    for i, parent in tree.items():  # Each hangs on one that joined before.
+        assert i == 0 or order.index(parent) < order.index(i)
+
+
+def test_edges_of_the_same_weight_are_taken_by_their_indices() -> None:
+    for count in (3, 40):
+        alike = np.ones((count, count)) - np.eye(count)
+        assert spanning_tree(alike, 0) == {0: -1} | dict.fromkeys(range(1, count), 0)
+    square = np.array([[0, 1, 1, 0], [1, 0, 0, 1], [1, 0, 0, 1], [0, 1, 1, 0]], float)
+    assert spanning_tree(square, 3) == {3: -1, 1: 3, 0: 1, 2: 0}
+
+
+def test_a_vertex_without_edges_is_a_tree() -> None:
+    assert spanning_tree(np.zeros((3, 3)), 1) == {1: -1}
+
+
+def test_the_scenes_by_lot_have_objects_in_the_tree_and_beside_it() -> None:
+    sizes = {len(spanning_tree(edge_weights(random_scene(s, spread=0.15), CONFIG), 0))
+             for s in range(20)}  # fmt: skip
+    assert min(sizes) < 10
+    assert max(sizes) > 4
+
+
+def test_objects_hang_on_each_other_as_they_stand() -> None:
+    graph = graph_of(*row(0.0, 0.05, 0.10, -0.06, 0.5))
+    parents = {v.segment.number: v.parent for v in graph.vertices}
+    assert parents == {0: -1, 1: 0, 2: 1, 3: 0}
+    assert [segment.number for segment in graph.apart] == [4]
+    assert [v.segment.number for v in graph.vertices] == [0, 1, 3, 2]
+    assert [v.segment.number for v in graph.leaves] == [3, 2]
+    assert graph.vertex(1).weight == pytest.approx(0.9)
+    assert graph.vertex(0).weight == 0.0
+    assert graph.number == 1
+
+
+def test_the_leaf_of_the_highest_weight_is_next_though_an_inner_vertex_weighs_more() -> None:
+    graph = graph_of(*row(0.0, 0.02, 0.065, -0.06))
+    assert graph.vertex(1).weight > 1.0
+    assert graph.vertex(2).weight == pytest.approx(0.95)
+    assert graph.vertex(3).weight == pytest.approx(0.8)
+    assert graph.next == 2
+    assert graph.why == ""
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2, 3), (3, 2, 1, 0), (2, 0, 3, 1)])
+def test_of_equal_leaves_the_lowest_number_is_next(order: tuple[int, ...]) -> None:
+    """Four squares around the target, all as far from it but for rounding errors."""
+    turns = 0.3 + 0.5 * np.pi * np.arange(4)
+    places = np.array([0.37, 0.11]) + 0.07 * np.column_stack([np.cos(turns), np.sin(turns)])
+    target = rectangle(9, "wineglass", (0.37, 0.11), angle=0.3)
+    around = [rectangle(3 + k, "can", tuple(places[k]), angle=turns[k]) for k in order]
+    far = {segment.number: segment.contour.distance(target.contour) for segment in around}
+    assert far[3] > min(far.values())  # Without rounding it would not be the nearest one.
+    assert far[3] == pytest.approx(min(far.values()))
+    graph = graph_of(target, *around)
+    assert graph.next == 3
+    assert {v.parent for v in graph.vertices} == {-1, 9}
+    assert [v.segment.number for v in graph.vertices] == [9, 3, 4, 5, 6]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_order_of_the_objects_does_not_matter(seed: int) -> None:
+    scene = list(random_scene(seed))
+    expected = graph_of(*scene)
+    np.random.default_rng(seed).shuffle(scene)  # type: ignore[arg-type]
+    found = graph_of(*scene)
+    assert found.vertices == expected.vertices
+    assert (found.next, found.push.why) == (expected.next, expected.push.why)
+    assert_array_equal(found.push.point, expected.push.point)
+    assert found.push.finger == expected.push.finger
+
+
+def test_taking_away_what_is_next_frees_the_target() -> None:
+    left = list(random_scene(4))
+    for _ in range(len(left)):
+        graph = graph_of(*left, qualities={s.number: 1.0 for s in left})
+        if graph.next < 0:
+            break
+        left = [segment for segment in left if segment.number != graph.next]
+    assert graph.why == TARGET_FREE
+    assert 1 <= len(left) < 10
+
+
+def test_a_good_grasp_is_a_grasp_and_a_bad_one_a_push() -> None:
+    scene = row(0.0, 0.05, 0.15, -0.05, -0.15)
+    graph = graph_of(*scene, qualities={1: 0.1, 2: 0.0999, 3: 7.0, 4: np.nan})
+    actions = {v.segment.number: v.action for v in graph.vertices}
+    assert actions == {0: None, 1: GRASP, 2: PUSH, 3: GRASP, 4: PUSH}
+
+
+def test_what_is_next_has_its_push() -> None:
+    graph = graph_of(*row(0.0, 0.1))
+    assert (graph.next, graph.vertex(1).action) == (1, PUSH)
+    assert graph.push.why == ""
+    assert_allclose(graph.push.direction, [1.0, 0.0], atol=1e-12)
+    graph = graph_of(*row(0.0, 0.05), qualities={1: 0.5})
+    assert (graph.next, graph.vertex(1).action) == (1, GRASP)
+    assert graph.push is NO_PUSH
+
+
+def test_two_objects_of_a_class_are_two_vertices() -> None:
+    graph = graph_of(*row(0.0, 0.05, -0.06))
+    assert [v.segment.name for v in graph.vertices] == ["wineglass", "can", "can"]
+
+
+def test_of_two_targets_the_larger_one_is_the_root() -> None:
+    small = rectangle(0, "wineglass", (0.0, 0.0), (0.03, 0.03))
+    large = rectangle(5, "wineglass", (0.06, 0.0), (0.05, 0.05))
+    graph = graph_of(small, large)
+    assert graph.vertices[0].segment.number == 5
+    assert graph.next == 0
+    same = rectangle(7, "wineglass", (0.0, 0.1), (0.05, 0.05))
+    assert graph_of(same, large, small).vertices[0].segment.number == 5
+
+
+def test_without_a_target_nothing_is_next() -> None:
+    graph = declutter_graph(image(*row(0.0, 0.05)), "spray", {}, NO_TRIES, CONFIG)
+    assert (graph.next, graph.why, graph.vertices) == (-1, NO_TARGET, ())
+    assert len(graph.apart) == 2
+
+
+def test_a_target_alone_is_free() -> None:
+    graph = graph_of(*row(0.0, 0.5))
+    assert (graph.next, graph.why) == (-1, TARGET_FREE)
+    assert [segment.number for segment in graph.apart] == [1]
+    assert graph_of(*row(0.0)).why == TARGET_FREE
+
+
+def test_two_objects_of_the_same_number_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"the same number: \[0, 1, 1\]"):
+        graph_of(*row(0.0, 0.05), rectangle(1, "box", (0.1, 0.0)))
+
+
+def failures(grasps: int, pushes: int, number: int = 1) -> Tries:
+    tries = NO_TRIES
+    for action in [GRASP] * grasps + [PUSH] * pushes:
+        tries = tries.with_failure(number, action)
+    return tries
+
+
+@pytest.mark.parametrize(
+    ("quality", "grasps", "pushes", "left"),
+    [
+        (0.5, 0, 0, [GRASP, PUSH]),
+        (0.5, 1, 0, [GRASP, PUSH]),
+        (0.5, 2, 0, [PUSH]),
+        (0.5, 2, 1, [PUSH]),
+        (0.5, 2, 2, []),
+        (0.5, 0, 2, [GRASP]),
+        (0.05, 0, 0, [PUSH, GRASP]),
+        (0.05, 0, 2, [GRASP]),
+        (0.05, 2, 2, []),
+        (0.0, 0, 0, [PUSH]),
+        (0.0, 0, 2, []),
+        (-3.0, 0, 0, [PUSH]),
+        (np.nan, 0, 2, []),
+    ],
+)
+def test_what_has_failed_twice_is_not_tried_again(
+    quality: float, grasps: int, pushes: int, left: list[DeclutterAction]
+) -> None:
+    assert actions_left(1, quality, failures(grasps, pushes), CONFIG) == left
+
+
+def test_other_objects_failures_do_not_count() -> None:
+    assert actions_left(1, 0.5, failures(2, 2, number=2), CONFIG) == [GRASP, PUSH]
+
+
+def test_an_object_whose_tries_are_used_up_is_passed_over() -> None:
+    scene, qualities = row(0.0, 0.05, -0.06), {1: 0.5, 2: 0.5}
+    assert graph_of(*scene, qualities=qualities).next == 1
+    graph = graph_of(*scene, qualities=qualities, tries=failures(2, 2))
+    assert graph.next == 2
+    assert graph.vertex(1).action is None
+    assert graph.vertex(1).why == "all tries are used up: 2 x grasp, 2 x push"
+    assert graph.vertex(2).why == ""
+    assert graph.why == ""
+
+
+def test_when_all_are_used_up_the_graph_says_so() -> None:
+    graph = graph_of(*row(0.0, 0.05), tries=failures(0, 2))
+    assert (graph.next, graph.why) == (-1, NOTHING_LEFT)
+    assert graph.vertex(1).why == "all tries are used up: 2 x push"
+
+
+def enclosed() -> list[Segment]:
+    """A small object within the reach of pushes, all of which a ring of the target stops."""
+    angles = np.linspace(0.05, 2.0 * np.pi - 0.05, 60)
+    circle = np.column_stack([np.cos(angles), np.sin(angles)])
+    ring = np.concatenate([0.09 * circle, 0.07 * circle[::-1]])
+    target = Segment(number=0, name="wineglass", contour=shapely.Polygon(ring))
+    return [target, rectangle(1, "can", (0.0, 0.0))]
+
+
+def test_an_object_that_cannot_be_pushed_is_grasped_if_it_can_be() -> None:
+    graph = graph_of(*enclosed(), qualities={1: 0.02})
+    assert (graph.next, graph.vertex(1).action) == (1, GRASP)
+    assert graph.push is NO_PUSH
+    graph = graph_of(*enclosed())
+    assert (graph.next, graph.why) == (-1, NOTHING_LEFT)
+    assert graph.vertex(1).why == "every push sweeps the target"
+
+
+def test_leaves_are_tried_from_the_highest_weight_on() -> None:
+    for seed in range(10):
+        graph = graph_of(*random_scene(seed))
+        ranked = sorted(graph.leaves, key=lambda leaf: (-leaf.weight, leaf.segment.number))
+        assert all(a.weight >= b.weight for a, b in pairwise(ranked))
+        possible = [leaf for leaf in ranked if leaf.action is not None]
+        assert graph.next == (possible[0].segment.number if possible else -1)

@@ -1,0 +1,319 @@
+"""Pushes against brute force over directions, places and instants."""
+
+from dataclasses import replace
+from importlib.resources import files
+
+import numpy as np
+import pytest
+import shapely
+import trimesh
+from numpy.testing import assert_allclose
+from shapely.affinity import translate
+
+from crossmodal.maths.arrays import Array
+from crossmodal.systems.declutter.push import (
+    PushConfig,
+    away_from_clutter,
+    finger_place,
+    plan_push,
+    push_height,
+    spares,
+)
+from crossmodal.systems.port_values import Push, Segment
+from tests.systems.declutter.scenes import random_scene, rectangle, rotation
+
+CONFIG = PushConfig()
+LEFT = np.array([[0.0, -1.0], [1.0, 0.0]])  # A quarter turn.
+
+
+def along(polygon: Array, count: int = 400) -> Array:
+    """Points on the edges of a polygon, so many on each."""
+    share = np.linspace(0.0, 1.0, count)[:, None, None]
+    return np.asarray(((1 - share) * polygon + share * np.roll(polygon, -1, axis=0)).reshape(-1, 2))
+
+
+def grid_iou(first: shapely.Geometry, second: shapely.Geometry, step: float = 5e-4) -> float:
+    """By counting points."""
+    left, bottom, right, top = shapely.GeometryCollection([first, second]).bounds
+    x, y = np.meshgrid(np.arange(left, right, step), np.arange(bottom, top, step))
+    one, other = shapely.contains_xy(first, x, y), shapely.contains_xy(second, x, y)
+    return float((one & other).sum() / (one | other).sum())
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_the_direction_is_away_from_the_weighted_clutter(seed: int) -> None:
+    first, *others = random_scene(seed)
+    v = np.zeros(2)
+    for other in others:
+        way = other.centroid - first.centroid
+        v += way / (way @ way + 0.027**2)
+    expected = -v / np.linalg.norm(v)
+    found = away_from_clutter(first, others, others[0], 0.027)
+    assert_allclose(found, expected, atol=1e-12)
+
+
+def test_nearer_objects_weigh_more() -> None:
+    pushed = rectangle(0, "can", (0.0, 0.0))
+    near, far = rectangle(1, "can", (0.06, 0.0)), rectangle(2, "can", (-0.2, 0.0))
+    assert_allclose(away_from_clutter(pushed, [near, far], far, 0.027), [-1.0, 0.0], atol=1e-12)
+
+
+def test_an_object_at_the_same_place_does_not_decide() -> None:
+    pushed, over = rectangle(0, "can", (0.0, 0.0)), rectangle(1, "can", (0.0, 1e-4))
+    beside = rectangle(2, "can", (0.08, 0.0))
+    direction = away_from_clutter(pushed, [over, beside], over, 0.027)
+    assert direction @ [-1.0, 0.0] > 0.99
+
+
+def test_between_two_objects_it_goes_away_from_the_target() -> None:
+    pushed = rectangle(0, "can", (0.5, 0.1))
+    sides = [rectangle(1, "can", (0.5, 0.2)), rectangle(2, "wineglass", (0.5, 0.0))]
+    assert_allclose(away_from_clutter(pushed, sides, sides[1], 0.027), [0.0, 1.0], atol=1e-9)
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.4, -1.2, 2.5])
+def test_at_the_target_s_place_it_goes_along_the_shorter_edge(angle: float) -> None:
+    pushed = rectangle(0, "can", (0.5, 0.1), (0.12, 0.04), angle)
+    same = rectangle(1, "wineglass", (0.5, 0.1))
+    direction = away_from_clutter(pushed, [same], same, 0.027)
+    assert abs(direction @ rotation(angle)[:, 1]) == pytest.approx(1.0)
+    assert tuple(np.round(direction, 9)) > (0.0, 0.0)
+
+
+def test_a_push_topples_above_the_height_of_its_balance() -> None:
+    """F = mu m g, and F h = m g r about the foremost foot."""
+    m, g, r, mu = 0.35, 9.81, 0.033, 0.5
+    config = replace(CONFIG, foot=1.0, margin=1.0, friction=mu)
+    can, d = rectangle(0, "can", (0.3, 0.0), (2.0 * r, 0.2)), np.array([1.0, 0.0])
+    height = push_height(can, d, config)
+    assert mu * m * g * height == pytest.approx(m * g * r)
+    assert push_height(can, d, replace(config, margin=0.5)) == pytest.approx(0.033)
+    assert push_height(can, d, replace(config, foot=0.5)) == pytest.approx(0.033)
+    larger = rectangle(0, "can", (0.3, 0.0), (4.0 * r, 0.2))
+    assert push_height(larger, d, config) == pytest.approx(2.0 * height)
+
+
+@pytest.mark.parametrize("name", ["can", "cleaner", "oil", "shampoo", "spray", "wineglass"])
+def test_the_outlines_of_goods_that_stand_are_not_taken_for_their_feet(name: str) -> None:
+    """Whatever the direction, the foot reaches as far as is believed."""
+    mesh = trimesh.load(files("crossmodal.models") / f"sdf/goods/{name}/{name}.obj", force="mesh")
+    vertices = np.asarray(mesh.vertices)
+    hull = shapely.MultiPoint(vertices[:, :2]).convex_hull
+    low = vertices[vertices[:, 2] < vertices[:, 2].min() + 1e-3, :2]
+    config = replace(CONFIG, margin=1.0, friction=1.0)  # So that the height is that reach.
+    segment = Segment(number=0, contour=hull)
+    for turn in np.linspace(0.0, 2.0 * np.pi, 36):
+        d = rotation(turn)[:, 0]
+        reach = ((low - segment.centroid) @ d).max()
+        assert push_height(segment, d, config) <= reach
+
+
+def test_a_plan_is_as_high_as_the_object_is_deep_ahead() -> None:
+    pushed, target = rectangle(0, "can", (0.1, 0.0), (0.06, 0.04)), rectangle(1, "", (0.0, 0.0))
+    push = plan_push(pushed, [target], target, CONFIG)
+    assert_allclose(push.direction, [1.0, 0.0], atol=1e-12)
+    assert push.height == pytest.approx(0.7 * 0.55 * 0.03 / 0.5)
+
+
+def test_an_object_that_would_topple_is_not_pushed() -> None:
+    slender = rectangle(0, "can", (0.0, 0.0), (0.012, 0.012))
+    target = rectangle(1, "wineglass", (0.2, 0.0))
+    push = plan_push(slender, [target], target, CONFIG)
+    assert push.why == "every push topples it"
+    assert np.isnan(push.point).all()
+    # Its diagonal is longer, and the table may be smoother.
+    smooth = replace(CONFIG, friction=0.2)
+    assert plan_push(slender, [target], target, smooth).why == ""
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_the_finger_stands_behind_the_object(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    angles = np.sort(rng.uniform(0.0, 2.0 * np.pi, 14))
+    radii = rng.uniform(0.02, 0.06, 14)
+    contour = radii[:, None] * np.column_stack([np.cos(angles), np.sin(angles)]) + [0.5, 0.1]
+    segment = Segment(number=0, contour=shapely.Polygon(contour))
+    d = rotation(rng.uniform(0.0, 2.0 * np.pi))[:, 0]
+    offset = rng.uniform(-0.01, 0.01)
+    place = finger_place(segment, d, offset, CONFIG)
+    assert place is not None
+    point, finger = place
+    box = shapely.get_coordinates(finger)
+    edge = along(contour, 4000) - segment.centroid
+    ahead, aside = edge @ d, edge @ (LEFT @ d)
+    on_line = np.abs(aside - offset) < 3e-5
+    own = point - segment.centroid
+    assert own @ (LEFT @ d) == pytest.approx(offset)
+    assert own @ d == pytest.approx(ahead[on_line].min(), abs=5e-4)
+    in_front = np.abs(aside - offset) <= 0.5 * CONFIG.width
+    local = (box - segment.centroid) @ np.column_stack([d, LEFT @ d])
+    assert local[:, 0].max() == pytest.approx(ahead[in_front].min() - CONFIG.gap, abs=5e-5)
+    assert np.ptp(local[:, 0]) == pytest.approx(CONFIG.depth)
+    assert_allclose([local[:, 1].min(), local[:, 1].max()], [offset - 0.0135, offset + 0.0135])
+    assert segment.contour.intersection(finger).area == 0.0
+
+
+def test_a_line_beside_the_object_has_no_place() -> None:
+    segment = rectangle(0, "", (0.0, 0.0), (0.02, 0.02))
+    assert finger_place(segment, np.array([1.0, 0.0]), 0.011, CONFIG) is None
+    assert finger_place(segment, np.array([1.0, 0.0]), 0.009, CONFIG) is not None
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_a_motion_spares_the_target_as_at_each_of_its_instants(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    target, segment = random_scene(seed, count=2, spread=0.08)
+    motion = 0.1 * rotation(rng.uniform(0.0, 2.0 * np.pi))[:, 0]
+    hull = segment.contour.convex_hull
+    steps = [translate(hull, *(share * motion)) for share in np.linspace(0.0, 1.0, 201)]
+    gaps = shapely.distance(target.contour, steps)
+    common = shapely.area(shapely.intersection(target.contour, steps))
+    if gaps[0] > 0.0:
+        closest = min(0.005, gaps[0])
+        assert abs(gaps.min() - closest) > 1e-5 or gaps.min() == gaps[0]  # Not by a hair.
+        expected = gaps.min() >= closest - 1e-5
+    else:
+        expected = max(common) <= common[0] + 1e-6
+    assert spares(segment, target, motion, 0.005) == expected
+
+
+def test_both_outcomes_are_met_by_lot() -> None:
+    outcomes = []
+    for seed in range(40):
+        target, segment = random_scene(seed, count=2, spread=0.08)
+        motion = 0.1 * rotation(np.random.default_rng(seed).uniform(0.0, 2.0 * np.pi))[:, 0]
+        outcomes.append(spares(segment, target, motion, 0.005))
+    assert 5 < sum(outcomes) < 35
+
+
+def test_what_touches_the_target_may_be_pushed_away_from_it_but_not_over_it() -> None:
+    target, segment = rectangle(0, "", (0.0, 0.0)), rectangle(1, "", (0.04, 0.0))
+    assert spares(segment, target, np.array([0.1, 0.0]), 0.005)
+    assert not spares(segment, target, np.array([-0.1, 0.0]), 0.005)
+    over = rectangle(1, "", (0.03, 0.0))  # A part of it is over the target.
+    assert spares(over, target, np.array([0.1, 0.0]), 0.005)
+    assert not spares(over, target, np.array([-0.1, 0.0]), 0.005)
+    assert spares(over, target, np.array([0.0, 0.1]), 0.005)  # It goes by its side.
+    apart = rectangle(1, "", (0.04 + 1e-9, 0.0))  # A rounding error more.
+    assert not spares(apart, target, np.array([-0.1, 0.0]), 0.005)
+
+
+def offset_of(push: Push, segment: Segment) -> float:
+    """Of the finger to the left of the line through the centroid, [m]."""
+    return float((push.point - segment.centroid) @ (LEFT @ push.direction))
+
+
+def brute_force(
+    segment: Segment, others: list[Segment], target: Segment, config: PushConfig
+) -> tuple[float, Push | None]:
+    """The first turn in which a finger stands free, or that of the least overlap, and its push.
+
+    All turns and places are compared, overlaps by counting points.
+    """
+    away = away_from_clutter(segment, others, target, config.width)
+    steps = round(config.largest_turn / 10.0)
+    turns = sorted(range(-steps, steps + 1), key=lambda step: (abs(step), -step))
+    found: list[tuple[float, int, float, Push]] = []
+    for rank, step in enumerate(turns):
+        d = rotation(np.deg2rad(10.0 * step)) @ away
+        if not spares(segment, target, config.length * d, config.clearance):
+            continue
+        for offset in (-0.0025, 0.0, 0.0025):
+            place = finger_place(segment, d, offset, config)
+            if place is None:
+                continue
+            way = np.linspace(0.0, config.length + config.gap, 41)[:, None] * d
+            gaps = [translate(place[1], *shift).distance(target.contour) for shift in way]
+            if min(gaps) < config.clearance:
+                continue
+            ious = [grid_iou(other.contour, place[1]) for other in others]
+            push = Push(direction=d, point=place[0], overlap=float(np.mean(ious)))
+            found.append((round(push.overlap, 9), rank, abs(offset), push))
+        if any(overlap == 0.0 and found_at == rank for overlap, found_at, _, _ in found):
+            break
+    if not found:
+        return np.inf, None
+    best = min(found, key=lambda entry: entry[:3])
+    return best[0], best[3]
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_plan_is_the_best_of_all(seed: int) -> None:
+    config = replace(CONFIG, aside=0.0025, friction=0.1)
+    scene = list(random_scene(seed, count=6, spread=0.07))
+    target, segment = scene[0], scene[3]
+    others = [other for other in scene if other is not segment]
+    overlap, expected = brute_force(segment, others, target, config)
+    push = plan_push(segment, others, target, config)
+    if expected is None:
+        assert push.why == "every push sweeps the target"
+        return
+    assert push.why == ""
+    assert push.overlap == pytest.approx(overlap, abs=2e-3)
+    if overlap == 0.0:
+        assert_allclose(push.direction, expected.direction, atol=1e-12)
+        offsets = [offset_of(found, segment) for found in (push, expected)]
+        assert abs(offsets[0]) == pytest.approx(abs(offsets[1]))
+
+
+def test_plans_by_lot_are_straight_turned_crowded_and_refused() -> None:
+    kinds = set()
+    for seed in range(30):
+        scene = list(random_scene(seed, count=10, spread=0.06))
+        others = [other for other in scene if other is not scene[3]]
+        push = plan_push(scene[3], others, scene[0], CONFIG)
+        if push.why:
+            kinds.add("refused")
+        else:
+            away = away_from_clutter(scene[3], others, scene[0], CONFIG.width)
+            turned = away @ push.direction < 1.0 - 1e-9
+            kinds.add("crowded" if push.overlap else "turned" if turned else "straight")
+            assert abs(offset_of(push, scene[3])) <= CONFIG.aside + 1e-9
+            assert np.linalg.norm(push.direction) == pytest.approx(1.0)
+    assert kinds == {"straight", "turned", "crowded", "refused"}
+
+
+def test_the_finger_moves_along_the_contour_to_where_it_is_free() -> None:
+    config = replace(CONFIG, aside=0.015, largest_turn=0.0)
+    pushed = rectangle(0, "can", (0.0, 0.0), (0.06, 0.08))
+    ahead = 500 * [rectangle(1, "", (0.2, 0.0))]  # So many that what is behind turns nothing.
+    free = plan_push(pushed, ahead, ahead[0], config)
+    assert_allclose(free.direction, [-1.0, 0.0], atol=1e-12)
+    assert offset_of(free, pushed) == pytest.approx(0.0)
+    # It reaches 6 mm into the finger's place, from the left as seen along the push.
+    x, y = free.finger.centroid.coords[0]
+    obstacle = rectangle(3, "", (x, y - 0.0135 - 0.002), (0.016, 0.016))
+    blocked = plan_push(pushed, [*ahead, obstacle], ahead[0], config)
+    assert blocked.overlap == 0.0
+    offset = offset_of(blocked, pushed)
+    assert -0.015 < offset < 0.0
+    nearer = finger_place(pushed, blocked.direction, offset + 0.0025, config)
+    assert nearer is not None
+    assert obstacle.contour.intersection(nearer[1]).area > 0.0
+
+
+def test_a_push_is_turned_until_it_spares_the_target() -> None:
+    """Others push the object towards the target; it goes by to the left."""
+    pushed = rectangle(0, "can", (0.0, 0.0))
+    target = rectangle(1, "wineglass", (0.09, 0.0))
+    behind = [rectangle(2 + k, "can", (-0.045, y)) for k, y in enumerate((-0.1, 0.0, 0.1))]
+    others = [target, *behind]
+    away = away_from_clutter(pushed, others, target, CONFIG.width)
+    assert away[0] > 0.9
+    push = plan_push(pushed, others, target, CONFIG)
+    assert push.why == ""
+    assert away @ push.direction < np.cos(np.deg2rad(20.0))
+    assert away @ LEFT.T @ push.direction > 0.0
+    assert spares(pushed, target, push.length * push.direction, CONFIG.clearance)
+    straight = plan_push(pushed, others, target, replace(CONFIG, largest_turn=0.0))
+    assert straight.why == "every push sweeps the target"
+
+
+def test_a_finger_does_not_come_down_on_the_target() -> None:
+    pushed = rectangle(0, "can", (0.06, 0.0))
+    target = rectangle(1, "wineglass", (0.0, 0.0))  # 2 cm are free between, the finger needs 3.8.
+    straight = plan_push(pushed, [target], target, replace(CONFIG, largest_turn=0.0))
+    assert straight.why == "every push sweeps the target"
+    push = plan_push(pushed, [target], target, CONFIG)
+    assert push.why == ""
+    assert push.finger.distance(target.contour) >= CONFIG.clearance

@@ -21,7 +21,7 @@ _SAME_FACET = 1e-3  # Sine of the angle up to which two triangles of a hull are 
 _LYING = 0.5  # Largest cosine between its z and the vertical while it lies.
 # Of the others as they fall.
 _STOREY = 0.08  # Between the heights from which one object and the next are dropped, [m].
-_PULL = 6.0  # Inwards, acceleration, [m/s²].
+_PULL = 10.0  # Inwards, acceleration, [m/s²].
 _NEAR = 0.02  # From which on the pull grows weaker, [m].
 _DRAG = 5.0  # Until all is nearly at rest, [1/s].
 # Of what rests.
@@ -49,7 +49,7 @@ class ClutterConfig:
     # From points above the target the others start at most this far away.
     spread: float = number(0.05, at_least=0.0, at_most=0.3, unit="m")
     # How long they are pulled towards the target, which is held meanwhile.
-    pulled: float = number(1.5, at_least=0.0, at_most=10.0, unit="s")
+    pulled: float = number(2.0, at_least=0.0, at_most=10.0, unit="s")
     # How long they may take to come to rest when all is free.
     settling: float = number(8.0, above=0.0, at_most=60.0, unit="s")
     # Farthest from the scene's middle that an object's origin may come to rest.
@@ -106,11 +106,11 @@ def make_dense_clutter(
         )
     rng = np.random.default_rng(seed)
     names = [target, *(str(name) for name in rng.permutation(others)[: config.count])]
-    X_WT = _target_pose(GoodsScene([target], p_WMiddle), target, config, p_WMiddle, rng)
+    X_WT = _target_pose(GoodsScene([target], p_WMiddle), target, config, rng)
     fault = ""
     for _ in range(_TRIES):
         scene = GoodsScene(names, p_WMiddle, hasty=True)
-        fault, poses = _drop(scene, target, X_WT, config, p_WMiddle, rng)
+        fault, poses = _drop(scene, target, X_WT, config, rng)
         if not fault:
             return poses
     raise ClutterError(
@@ -120,11 +120,7 @@ def make_dense_clutter(
 
 
 def _target_pose(
-    scene: GoodsScene,
-    target: str,
-    config: ClutterConfig,
-    p_WMiddle: Array,
-    rng: np.random.Generator,
+    scene: GoodsScene, target: str, config: ClutterConfig, rng: np.random.Generator
 ) -> RigidTransform:
     """X_WO of the target on the table, upright or on a side that is drawn."""
     vertices = _vertices(target)
@@ -141,7 +137,7 @@ def _target_pose(
     corners = vertices @ R_WO.matrix().T
     lowest, highest = corners.min(axis=0), corners.max(axis=0)
     shift = [*(-0.5 * (lowest + highest)[:2]), -lowest[2]]
-    return RigidTransform(R_WO, p_WMiddle + shift)
+    return RigidTransform(R_WO, scene.p_WTable + shift)
 
 
 def _vertices(name: str) -> Array:
@@ -154,7 +150,6 @@ def _drop(
     target: str,
     X_WT: RigidTransform,
     config: ClutterConfig,
-    p_WMiddle: Array,
     rng: np.random.Generator,
 ) -> tuple[str, dict[str, RigidTransform]]:
     """Drops all but the target, waits until all rest; says what went wrong, if anything."""
@@ -176,15 +171,22 @@ def _drop(
         | {target: X_WT}
     )
     _fall(scene, target, aims, config.pulled)
-    at_work, speed = GoodsScene(list(scene.bodies), p_WMiddle), np.inf
+    at_work, speed = GoodsScene(list(scene.bodies), scene.p_WTable), np.inf
     end = config.pulled + config.settling
-    while speed > _REST and scene.context.get_time() < end:
+    while (
+        speed > _REST
+        and scene.context.get_time() < end
+        and not _fault(scene, target, X_WT, config.reach)
+    ):
         speed = _settle(scene, end - scene.context.get_time(), _NEAR_REST)
         if speed <= _NEAR_REST:
             at_work.place(scene.poses())
             speed = _settle(at_work, _LAST, _REST)
             scene.place(at_work.poses())
-    return _fault(at_work, target, X_WT, speed, config, p_WMiddle), at_work.poses()
+    fault = _fault(scene, target, X_WT, config.reach)
+    if not fault and speed > _REST:
+        fault = f"still moved at {1e3 * speed:.2g} mm/s"
+    return fault, scene.poses()
 
 
 def _fall(scene: GoodsScene, target: str, aims: Array, seconds: float) -> None:
@@ -223,30 +225,19 @@ def _pull(scene: GoodsScene, bodies: Sequence[RigidBody], aims: Array) -> Array:
     return forces
 
 
-def _fault(
-    scene: GoodsScene,
-    target: str,
-    X_WT: RigidTransform,
-    speed: float,
-    config: ClutterConfig,
-    p_WMiddle: Array,
-) -> str:
+def _fault(scene: GoodsScene, target: str, X_WT: RigidTransform, reach: float) -> str:
     """What is wrong with a scene in which the target was put at X_WT; empty if nothing is."""
     poses = scene.poses()
-    away = [X.translation() - p_WMiddle for X in poses.values()]
+    away = [X_WO.translation() - scene.p_WTable for X_WO in poses.values()]
     far = max(float(np.linalg.norm(p[:2])) for p in away)
-    if speed > _REST:
-        return f"still moved at {1e3 * speed:.2g} mm/s"
-    if far > config.reach or min(p[2] for p in away) < -_BELOW:
+    if far > reach or min(p[2] for p in away) < -_BELOW:
         return f"had an object {far:.2g} m from its middle"
-    up, up_now = X_WT.rotation().matrix()[2], poses[target].rotation().matrix()[2]
     shifted = float(np.linalg.norm(poses[target].translation() - X_WT.translation()))
-    if shifted > _TARGET_MOVED or abs(up[2] - up_now[2]) > _TARGET_TILTED:
+    cosine, at_first = (X.rotation().matrix()[2, 2] for X in (poses[target], X_WT))
+    if shifted > _TARGET_MOVED or abs(cosine - at_first) > _TARGET_TILTED:
         return f"moved the target by {1e3 * shifted:.2g} mm"
     deep = -min(scene.distances(0.0).values(), default=0.0)
-    if deep > _DEEP:
-        return f"had objects {1e3 * deep:.2g} mm in each other"
-    return ""
+    return f"had objects {1e3 * deep:.2g} mm in each other" if deep > _DEEP else ""
 
 
 def _moved(before: Mapping[str, RigidTransform], after: Mapping[str, RigidTransform]) -> float:

@@ -19,8 +19,8 @@ GOODS_DIR = SDF_DIR / "goods"
 _AS_AT_WORK = MultibodyPlantConfig(
     time_step=0.0025, discrete_contact_approximation="lagged", stiction_tolerance=1e-4
 )
-# It takes half the time, and where friction holds things creep ten times as fast, up to 1 mm/s, so
-# that what comes to rest here hardly creeps there.
+# It takes half the time, and what friction holds creeps a hundred times as fast, so that what comes
+# to rest here hardly creeps there.
 _HASTY = MultibodyPlantConfig(
     time_step=0.005, discrete_contact_approximation="lagged", stiction_tolerance=1e-2
 )
@@ -36,12 +36,13 @@ class GoodsScene:
         scene_graph: Their geometry.
         diagram: Of both.
         context: Of the diagram.
+        p_WTable: Where the middle of the table's top is (3,), [m].
         bodies: One of each object, by its name.
 
     Args:
         names: Of models in models/sdf/goods.
         p_WTable: Where the middle of the table's top is (3,), [m].
-        hasty: Whether to simulate twice as fast, with friction that creeps ten times as fast.
+        hasty: Whether to simulate twice as fast, with friction that creeps a hundred times as fast.
 
     Raises:
         ValueError: for a name that is not known, or given twice.
@@ -52,6 +53,7 @@ class GoodsScene:
         for name in names:
             if name not in known:
                 raise ValueError(f"no goods named '{name}'; there are {', '.join(known)}")
+        self.p_WTable = p_WTable
         builder = DiagramBuilder()
         self.plant: MultibodyPlant
         self.scene_graph: SceneGraph

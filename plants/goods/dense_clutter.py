@@ -20,8 +20,8 @@ _STEADY = np.deg2rad(3.0)  # By which it may be tilted and does not topple.
 _SAME_FACET = 1e-3  # Sine of the angle up to which two triangles of a hull are of one facet.
 _LYING = 0.5  # Largest cosine between its z and the vertical while it lies.
 # Of the others as they fall.
-_STOREY = 0.08  # Between the heights from which one object and the next are dropped, [m].
-_PULL = 10.0  # Inwards, acceleration, [m/s²].
+_STOREY = 0.1  # Between the heights from which one object and the next are dropped, [m].
+_PULL = 8.0  # Inwards, acceleration, [m/s²].
 _NEAR = 0.02  # From which on the pull grows weaker, [m].
 _DRAG = 5.0  # Until all is nearly at rest, [1/s].
 # Of what rests.
@@ -46,12 +46,12 @@ class ClutterConfig:
     count: int = number(8, at_least=0, at_most=11)
     # Probability that the target is laid down; else it stands upright.
     laid_down: float = number(0.5, at_least=0.0, at_most=1.0)
-    # From points above the target the others start at most this far away.
-    spread: float = number(0.05, at_least=0.0, at_most=0.3, unit="m")
+    # From points of the target the others are dropped at most this far away, at least 0.3 times.
+    spread: float = number(0.08, at_least=0.0, at_most=0.3, unit="m")
     # How long they are pulled towards the target, which is held meanwhile.
-    pulled: float = number(2.0, at_least=0.0, at_most=10.0, unit="s")
+    pulled: float = number(1.2, at_least=0.0, at_most=10.0, unit="s")
     # How long they may take to come to rest when all is free.
-    settling: float = number(8.0, above=0.0, at_most=60.0, unit="s")
+    settling: float = number(6.0, above=0.0, at_most=60.0, unit="s")
     # Farthest from the scene's middle that an object's origin may come to rest.
     reach: float = number(0.35, above=0.0, at_most=0.6, unit="m")
 
@@ -155,13 +155,15 @@ def _drop(
     """Drops all but the target, waits until all rest; says what went wrong, if anything."""
     names = [name for name in scene.bodies if name != target]
     above = X_WT.multiply(_vertices(target).T).T
-    aims = np.array([rng.dirichlet(np.ones(3)) @ rng.choice(above, 3) for _ in names]).reshape(
-        -1, 3
-    )
-    angles = rng.uniform(-np.pi, np.pi, len(names))
-    away = rng.uniform(0.0, config.spread, len(names))
-    starts = aims + away[:, None] * np.column_stack([np.cos(angles), np.sin(angles), 0 * angles])
-    starts[:, 2] = above[:, 2].max() + _STOREY * (1.0 + np.arange(len(names)))
+    count = len(names)
+    inside = [rng.dirichlet(np.ones(3)) @ rng.choice(above, 3) for _ in names]
+    # Their directions are spread evenly, or they would pile up to a tower.
+    angles = 2.0 * np.pi * (np.arange(count) + rng.uniform(size=count)) / max(count, 1)
+    beside = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(count)])
+    away = config.spread * rng.uniform(0.3, 1.0, size=(count, 1))
+    aims = np.reshape(inside, (count, 3)) + away * beside
+    heights = above[:, 2].max() + _STOREY * (1.0 + rng.permutation(count))
+    starts = np.column_stack([aims[:, :2], heights])
     turns = Rotation.from_quat(rng.normal(size=(len(names), 4))).as_matrix() if names else []
     scene.place(
         {
@@ -184,8 +186,11 @@ def _drop(
             speed = _settle(at_work, _LAST, _REST)
             scene.place(at_work.poses())
     fault = _fault(scene, target, X_WT, config.reach)
+    deep = -min(scene.distances(0.0).values(), default=0.0)
     if not fault and speed > _REST:
         fault = f"still moved at {1e3 * speed:.2g} mm/s"
+    if not fault and deep > _DEEP:
+        fault = f"had objects {1e3 * deep:.2g} mm in each other"
     return fault, scene.poses()
 
 
@@ -236,8 +241,7 @@ def _fault(scene: GoodsScene, target: str, X_WT: RigidTransform, reach: float) -
     cosine, at_first = (X.rotation().matrix()[2, 2] for X in (poses[target], X_WT))
     if shifted > _TARGET_MOVED or abs(cosine - at_first) > _TARGET_TILTED:
         return f"moved the target by {1e3 * shifted:.2g} mm"
-    deep = -min(scene.distances(0.0).values(), default=0.0)
-    return f"had objects {1e3 * deep:.2g} mm in each other" if deep > _DEEP else ""
+    return ""
 
 
 def _moved(before: Mapping[str, RigidTransform], after: Mapping[str, RigidTransform]) -> float:

@@ -21,7 +21,8 @@ _SAME_FACET = 1e-3  # Sine of the angle up to which two triangles of a hull are 
 _LYING = 0.5  # Largest cosine between its z and the vertical while it lies.
 # Of the others as they fall.
 _STOREY = 0.1  # Between the heights from which one object and the next are dropped, [m].
-_PULL = 8.0  # Inwards, acceleration, [m/s²].
+_BESIDE = 0.6  # What stands is not dropped on: least distance, as a share of the largest.
+_PULL = 10.0  # Inwards, acceleration, [m/s²].
 _NEAR = 0.02  # From which on the pull grows weaker, [m].
 _DRAG = 5.0  # Until all is nearly at rest, [1/s].
 # Of what rests.
@@ -46,10 +47,10 @@ class ClutterConfig:
     count: int = number(8, at_least=0, at_most=11)
     # Probability that the target is laid down; else it stands upright.
     laid_down: float = number(0.5, at_least=0.0, at_most=1.0)
-    # From points of the target the others are dropped at most this far away, at least 0.3 times.
-    spread: float = number(0.08, at_least=0.0, at_most=0.3, unit="m")
+    # From points of the target the others are dropped at most this far away.
+    spread: float = number(0.06, at_least=0.0, at_most=0.3, unit="m")
     # How long they are pulled towards the target, which is held meanwhile.
-    pulled: float = number(1.2, at_least=0.0, at_most=10.0, unit="s")
+    pulled: float = number(1.5, at_least=0.0, at_most=10.0, unit="s")
     # How long they may take to come to rest when all is free.
     settling: float = number(6.0, above=0.0, at_most=60.0, unit="s")
     # Farthest from the scene's middle that an object's origin may come to rest.
@@ -160,7 +161,8 @@ def _drop(
     # Their directions are spread evenly, or they would pile up to a tower.
     angles = 2.0 * np.pi * (np.arange(count) + rng.uniform(size=count)) / max(count, 1)
     beside = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(count)])
-    away = config.spread * rng.uniform(0.3, 1.0, size=(count, 1))
+    lies = abs(X_WT.rotation().matrix()[2, 2]) < _LYING
+    away = config.spread * rng.uniform(0.0 if lies else _BESIDE, 1.0, size=(count, 1))
     aims = np.reshape(inside, (count, 3)) + away * beside
     heights = above[:, 2].max() + _STOREY * (1.0 + rng.permutation(count))
     starts = np.column_stack([aims[:, :2], heights])

@@ -153,7 +153,7 @@ def _drop(
     config: ClutterConfig,
     rng: np.random.Generator,
 ) -> tuple[str, dict[str, RigidTransform]]:
-    """Drops all but the target, waits until all rest; says what went wrong, if anything."""
+    """Drops all but the target and waits until all rest: what is wrong, if anything, and X_WO."""
     names = [name for name in scene.bodies if name != target]
     above = X_WT.multiply(_vertices(target).T).T
     count = len(names)

@@ -37,7 +37,7 @@ def test_all_rest_on_the_table_and_not_in_each_other(lying: dict[str, RigidTrans
     scene.advance(0.5)
     for name, X_WO in scene.poses().items():
         assert_allclose(X_WO.translation(), lying[name].translation(), atol=5e-4)
-        assert X_WO.rotation().IsNearlyEqualTo(lying[name].rotation(), 1e-2)
+        assert_allclose(X_WO.rotation().matrix(), lying[name].rotation().matrix(), atol=1e-2)
         assert -0.01 < X_WO.translation()[2] < 0.3
         assert np.linalg.norm((X_WO.translation() - MIDDLE)[:2]) < 0.35
 

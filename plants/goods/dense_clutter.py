@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import trimesh
@@ -20,11 +21,12 @@ _STEADY = np.deg2rad(3.0)  # By which it may be tilted and does not topple.
 _SAME_FACET = 1e-3  # Sine of the angle up to which two triangles of a hull are of one facet.
 _LYING = 0.5  # Largest cosine between its z and the vertical while it lies.
 # Of the others as they fall.
-_STOREY = 0.1  # Between the heights from which one object and the next are dropped, [m].
+_GAP = 0.01  # Between one object and the next above it as they start, [m].
 _BESIDE = 0.6  # What stands is not dropped on: least distance, as a share of the largest.
 _PULL = 10.0  # Inwards, acceleration, [m/s²].
 _NEAR = 0.02  # From which on the pull grows weaker, [m].
-_DRAG = 5.0  # Until all is nearly at rest, [1/s].
+# Slow enough that nothing passes through a thin wall between two steps, [1/s].
+_DRAG_FALLING, _DRAG_SETTLING = 15.0, 5.0
 # Of what rests.
 _CHECK = 0.25  # Between two looks, [s].
 _ARM = 0.05  # From an object's origin to the points whose motion is judged, [m].
@@ -34,7 +36,8 @@ _LAST = 0.5  # How long not in haste, [s].
 _TARGET_MOVED = 0.05  # Largest motion of the target after it is let go, [m].
 _TARGET_TILTED = 0.2  # Largest change of the cosine between its z and the vertical.
 _BELOW = 0.01  # So far below the table's top an object fell off, [m].
-_DEEP = 3e-3  # Largest depth by which objects may be in each other, [m].
+# Largest depths by which objects may be in each other, before they rest and when they do, [m].
+_IMPALED, _DEEP = 1e-2, 3e-3
 
 
 class ClutterError(RuntimeError):
@@ -50,7 +53,7 @@ class ClutterConfig:
     # From points of the target the others are dropped at most this far away.
     spread: float = number(0.06, at_least=0.0, at_most=0.3, unit="m")
     # How long they are pulled towards the target, which is held meanwhile.
-    pulled: float = number(1.5, at_least=0.0, at_most=10.0, unit="s")
+    pulled: float = number(2.5, at_least=0.0, at_most=10.0, unit="s")
     # How long they may take to come to rest when all is free.
     settling: float = number(6.0, above=0.0, at_most=60.0, unit="s")
     # Farthest from the scene's middle that an object's origin may come to rest.
@@ -141,6 +144,7 @@ def _target_pose(
     return RigidTransform(R_WO, scene.p_WTable + shift)
 
 
+@cache
 def _vertices(name: str) -> Array:
     mesh = trimesh.load(str(GOODS_DIR / name / f"{name}.obj"), force="mesh")
     return np.asarray(mesh.vertices, dtype=float)
@@ -164,35 +168,30 @@ def _drop(
     lies = abs(X_WT.rotation().matrix()[2, 2]) < _LYING
     away = config.spread * rng.uniform(0.0 if lies else _BESIDE, 1.0, size=(count, 1))
     aims = np.reshape(inside, (count, 3)) + away * beside
-    heights = above[:, 2].max() + _STOREY * (1.0 + rng.permutation(count))
-    starts = np.column_stack([aims[:, :2], heights])
-    turns = Rotation.from_quat(rng.normal(size=(len(names), 4))).as_matrix() if names else []
-    scene.place(
-        {
-            name: RigidTransform(RotationMatrix(turn), start)
-            for name, turn, start in zip(names, turns, starts, strict=True)
-        }
-        | {target: X_WT}
-    )
+    starts, top = {target: X_WT}, above[:, 2].max()
+    for index in rng.permutation(count):
+        R_WO = RotationMatrix(Rotation.from_quat(rng.normal(size=4)).as_matrix())
+        heights = _vertices(names[index]) @ R_WO.matrix()[2]
+        z = top + _GAP - heights.min()
+        starts[names[index]] = RigidTransform(R_WO, [*aims[index, :2], z])
+        top = z + heights.max()
+    scene.place(starts)
     _fall(scene, target, aims, config.pulled)
     at_work, speed = GoodsScene(list(scene.bodies), scene.p_WTable), np.inf
     end = config.pulled + config.settling
     while (
         speed > _REST
         and scene.context.get_time() < end
-        and not _fault(scene, target, X_WT, config.reach)
+        and not _fault(scene, target, X_WT, config.reach, _IMPALED)
     ):
         speed = _settle(scene, end - scene.context.get_time(), _NEAR_REST)
         if speed <= _NEAR_REST:
             at_work.place(scene.poses())
             speed = _settle(at_work, _LAST, _REST)
             scene.place(at_work.poses())
-    fault = _fault(scene, target, X_WT, config.reach)
-    deep = -min(scene.distances(0.0).values(), default=0.0)
+    fault = _fault(scene, target, X_WT, config.reach, _DEEP)
     if not fault and speed > _REST:
         fault = f"still moved at {1e3 * speed:.2g} mm/s"
-    if not fault and deep > _DEEP:
-        fault = f"had objects {1e3 * deep:.2g} mm in each other"
     return fault, scene.poses()
 
 
@@ -201,12 +200,13 @@ def _fall(scene: GoodsScene, target: str, aims: Array, seconds: float) -> None:
     pulled = [body for name, body in scene.bodies.items() if name != target]
     force = scene.plant.get_applied_generalized_force_input_port()
     scene.bodies[target].Lock(scene.plant_context)
-    scene.damp(_DRAG)
+    scene.damp(_DRAG_FALLING)
     while scene.context.get_time() < seconds:
         force.FixValue(scene.plant_context, _pull(scene, pulled, aims))
         scene.advance(scene.plant.time_step())
     force.FixValue(scene.plant_context, np.zeros(scene.plant.num_velocities()))
     scene.bodies[target].Unlock(scene.plant_context)
+    scene.damp(_DRAG_SETTLING)
 
 
 def _settle(scene: GoodsScene, seconds: float, rest: float) -> float:
@@ -232,7 +232,9 @@ def _pull(scene: GoodsScene, bodies: Sequence[RigidBody], aims: Array) -> Array:
     return forces
 
 
-def _fault(scene: GoodsScene, target: str, X_WT: RigidTransform, reach: float) -> str:
+def _fault(
+    scene: GoodsScene, target: str, X_WT: RigidTransform, reach: float, deepest: float
+) -> str:
     """What is wrong with a scene in which the target was put at X_WT; empty if nothing is."""
     poses = scene.poses()
     away = [X_WO.translation() - scene.p_WTable for X_WO in poses.values()]
@@ -243,7 +245,8 @@ def _fault(scene: GoodsScene, target: str, X_WT: RigidTransform, reach: float) -
     cosine, at_first = (X.rotation().matrix()[2, 2] for X in (poses[target], X_WT))
     if shifted > _TARGET_MOVED or abs(cosine - at_first) > _TARGET_TILTED:
         return f"moved the target by {1e3 * shifted:.2g} mm"
-    return ""
+    deep = -min(scene.distances(0.0).values(), default=0.0)
+    return f"had objects {1e3 * deep:.2g} mm in each other" if deep > deepest else ""
 
 
 def _moved(before: Mapping[str, RigidTransform], after: Mapping[str, RigidTransform]) -> float:

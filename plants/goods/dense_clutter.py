@@ -22,7 +22,9 @@ _SAME_FACET = 1e-3  # Sine of the angle up to which two triangles of a hull are 
 _LYING = 0.5  # Largest cosine between its z and the vertical while it lies.
 # Of the others as they fall.
 _GAP = 0.01  # Between one object and the next above it as they start, [m].
-_BESIDE = 0.6  # What stands is not dropped on: least distance, as a share of the largest.
+# How far from what lies, and from what stands, they are dropped, as shares of `spread`: what is
+# dropped on a standing target becomes a tower.
+_ON, _BESIDE = (0.0, 0.4), (0.6, 1.0)
 _PULL = 10.0  # Inwards, acceleration, [m/s²].
 _NEAR = 0.02  # From which on the pull grows weaker, [m].
 # Slow enough that nothing passes through a thin wall between two steps, [1/s].
@@ -166,7 +168,7 @@ def _drop(
     angles = 2.0 * np.pi * (np.arange(count) + rng.uniform(size=count)) / max(count, 1)
     beside = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(count)])
     lies = abs(X_WT.rotation().matrix()[2, 2]) < _LYING
-    away = config.spread * rng.uniform(0.0 if lies else _BESIDE, 1.0, size=(count, 1))
+    away = config.spread * rng.uniform(*(_ON if lies else _BESIDE), size=(count, 1))
     aims = np.reshape(inside, (count, 3)) + away * beside
     starts, top = {target: X_WT}, above[:, 2].max()
     for index in rng.permutation(count):

@@ -48,6 +48,8 @@ class ClutterError(RuntimeError):
 
 @dataclass(kw_only=True)
 class ClutterConfig:
+    """How dense clutter comes about."""
+
     # Objects beside the target.
     count: int = number(8, at_least=0, at_most=11)
     # Probability that the target is laid down; else it stands upright.
@@ -101,8 +103,8 @@ def make_dense_clutter(
         By name, the target first.
 
     Raises:
-        ValueError: for an impossible configuration, too few others, or a name that is not known or
-            is there twice.
+        ValueError: for an impossible configuration, too few others, a name that is not known or is
+            there twice, and a target that is to be laid down and has no side to lie on.
         ClutterError: if each of a bounded number of scenes moved too long or too far.
     """
     check(config, "ClutterConfig")

@@ -27,7 +27,7 @@ _HASTY = MultibodyPlantConfig(
 
 
 class GoodsScene:
-    """Goods on a table, with the values of their poses.
+    """Goods on a table, and where they are.
 
     Frames: W is on the table's top, z up; O is an object's.
 

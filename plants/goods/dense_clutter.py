@@ -39,7 +39,7 @@ _TARGET_MOVED = 0.05  # Largest motion of the target after it is let go, [m].
 _TARGET_TILTED = 0.2  # Largest change of the cosine between its z and the vertical.
 _BELOW = 0.01  # So far below the table's top an object fell off, [m].
 # Largest depths by which objects may be in each other, before they rest and when they do, [m].
-_IMPALED, _DEEP = 1e-2, 3e-3
+_IMPALED, _DEEP = 1e-2, 4e-3
 
 
 class ClutterError(RuntimeError):

@@ -221,11 +221,8 @@ def _last(key: str) -> Any:
 
 
 def _last_as_met(record: Mapping[str, Any]) -> float | None:
-    return record["stages"][-1]["as_met"]["adi"] if _as_met(record) else None
-
-
-def _as_met(record: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    return [stage["as_met"] for stage in record["stages"] if "as_met" in stage]
+    last = record["stages"][-1] if record["stages"] else {}
+    return last["as_met"]["adi"] if "as_met" in last else None
 
 
 def _before_choice(record: Mapping[str, Any]) -> float | None:

@@ -2,25 +2,18 @@
 
 import numpy as np
 import pytest
-import trimesh
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
+from targets import HALF
 
 from crossmodal.maths import se3
 from crossmodal.systems.port_values import PosePrior
 from crossmodal.systems.pose.evidence import Evidence, Table
 from crossmodal.systems.pose.pose_belief import COARSE, problem_of
 from crossmodal.systems.pose.pose_solver import Problem, _deepest, linearise, refine, walk
-from crossmodal.systems.pose.target_model import TargetModel, make_target
+from crossmodal.systems.pose.target_model import TargetModel
 
 FLOOR = 7e-4
-HALF = np.array([0.03, 0.05, 0.10])
-
-
-@pytest.fixture(scope="module")
-def box() -> TargetModel:
-    mesh = trimesh.creation.box(extents=2.0 * HALF)
-    return make_target(mesh.vertices, mesh.faces)
 
 
 def pose() -> np.ndarray:

@@ -1,32 +1,14 @@
 """Distances to a surface of samples, their gradients and rays, against closed forms."""
 
 import numpy as np
-import pytest
 import trimesh
 from numpy.testing import assert_allclose
+from targets import HALF, target
 
 from crossmodal.systems.pose.surface import cast_rays, surface_distance
-from crossmodal.systems.pose.target_model import (
-    TargetModel,
-    make_target,
-)
+from crossmodal.systems.pose.target_model import TargetModel
 
-HALF = np.array([0.03, 0.05, 0.10])
 NOWHERE = np.zeros(3)
-
-
-def target(mesh: trimesh.Trimesh) -> TargetModel:
-    return make_target(mesh.vertices, mesh.faces)
-
-
-@pytest.fixture(scope="module")
-def box() -> TargetModel:
-    return target(trimesh.creation.box(extents=2.0 * HALF))
-
-
-@pytest.fixture(scope="module")
-def ball() -> TargetModel:
-    return target(trimesh.creation.icosphere(subdivisions=5, radius=0.05))
 
 
 def box_distance(p: np.ndarray) -> float:

@@ -7,6 +7,7 @@ import pytest
 import trimesh
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
+from targets import HALF, target
 
 from crossmodal.systems.pose.surface import nearest_distances, surface_distance
 from crossmodal.systems.pose.target_model import (
@@ -16,22 +17,7 @@ from crossmodal.systems.pose.target_model import (
     make_target,
 )
 
-HALF = np.array([0.03, 0.05, 0.10])
 NOWHERE = np.zeros(3)
-
-
-def target(mesh: trimesh.Trimesh) -> TargetModel:
-    return make_target(mesh.vertices, mesh.faces)
-
-
-@pytest.fixture(scope="module")
-def box() -> TargetModel:
-    return target(trimesh.creation.box(extents=2.0 * HALF))
-
-
-@pytest.fixture(scope="module")
-def ball() -> TargetModel:
-    return target(trimesh.creation.icosphere(subdivisions=5, radius=0.05))
 
 
 @pytest.mark.parametrize(

@@ -12,13 +12,13 @@ from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from crossmodal.maths.arrays import Array
+from crossmodal.maths.convex import steady_directions
 from crossmodal.maths.validation import check, number
 from crossmodal.plants.goods.goods_scene import GOODS_DIR, GoodsScene
 
 _TRIES = 8
 # Of the target as it is put down.
 _STEADY = np.deg2rad(3.0)  # By which it may be tilted and does not topple.
-_SAME_FACET = 1e-3  # Sine of the angle up to which two triangles of a hull are of one facet.
 _LYING = 0.5  # Largest cosine between its z and the vertical while it lies.
 # Of the others as they fall.
 _GAP = 0.01  # Between one object and the next above it as they start, [m].
@@ -62,29 +62,6 @@ class ClutterConfig:
     settling: float = number(6.0, above=0.0, at_most=60.0, unit="s")
     # Farthest from the scene's middle that an object's origin may come to rest.
     reach: float = number(0.35, above=0.0, at_most=0.6, unit="m")
-
-
-def steady_directions(vertices: Array, p_OCm: Array) -> Array:
-    """Directions (S, 3) in O that point up while an object stands on a facet of its convex hull.
-
-    Only facets on which it stays when it is tilted by 3 deg count.
-
-    Args:
-        vertices: p_OV (V, 3), [m].
-        p_OCm: Centre of mass (3,), [m].
-    """
-    equations = ConvexHull(vertices).equations
-    normals, offsets = equations[:, :3], equations[:, 3]
-    found = []
-    for n, offset in zip(normals, offsets, strict=True):
-        height = -float(n @ p_OCm + offset)
-        foot = p_OCm + height * n
-        sines = np.linalg.norm(np.cross(normals, n), axis=1)
-        others = sines > _SAME_FACET
-        to_edges = -(normals[others] @ foot + offsets[others]) / sines[others]
-        if np.arctan2(to_edges.min(), height) > _STEADY:
-            found.append(-n)
-    return np.array(found).reshape(-1, 3)
 
 
 def make_dense_clutter(
@@ -135,7 +112,9 @@ def _target_pose(
     up, lies = np.array([0.0, 0.0, 1.0]), rng.random() < config.laid_down
     turn, roll = rng.uniform(-np.pi, np.pi, size=2)
     if lies:
-        steady = steady_directions(vertices, scene.bodies[target].default_com())
+        steady = steady_directions(
+            ConvexHull(vertices), scene.bodies[target].default_com(), _STEADY
+        )
         sides = steady[np.abs(steady[:, 2]) < _LYING]
         if len(sides) == 0:
             raise ValueError(f"'{target}' does not lie on any side")

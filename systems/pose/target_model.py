@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from crossmodal.maths.arrays import Array, Ids, Mask
 from crossmodal.maths.compiled import hot
+from crossmodal.maths.convex import steady_directions
 from crossmodal.maths.immutable import Immutable
 from crossmodal.systems.pose.surface import Surface, make_surface, nearest_distances
 
@@ -21,7 +22,6 @@ _SAMPLES = 14_000  # About so many describe the surface,
 _DENSER = 6  # chosen from so many times as many that none are near each other.
 _SMALLEST, _LARGEST = 5e-3, 2.0  # Diagonals of what a robot handles, [m].
 _SEED = 0  # The samples are the same each time.
-_ON_FACET = 1e-9  # Largest height above the hull of a point that counts as on it, [m].
 _ALIKE_DIRECTIONS = 1e-2  # Angle up to which two directions count as one, [rad].
 _TURNS = 13  # Parts of half a turn by which a symmetry is tried.
 _ALIKE = 3e-4  # Largest mean distance between an object and itself, turned, that look alike, [m].
@@ -125,10 +125,11 @@ def make_target(vertices: Array, triangles: Ids, name: str = "the mesh") -> Targ
     corners = np.asarray(mesh.triangles) - middle
     surface = make_surface(points - middle, normals, corners, spacing)
     hull = ConvexHull(mesh.vertices - middle)
+    stable = steady_directions(hull, np.asarray(mesh.center_mass) - middle)
     return TargetModel(
         surface=surface,
         hull=np.ascontiguousarray(hull.points[hull.vertices]),
-        stable=_stable_directions(hull, np.asarray(mesh.center_mass) - middle),
+        stable=np.ascontiguousarray(stable[_thinned(stable, _ALIKE_DIRECTIONS)]),
         spins=_spins(moments, surface),
         middle=middle,
         radius=float(np.linalg.norm(mesh.vertices - middle, axis=1).max()),
@@ -154,17 +155,6 @@ def _open_edges(mesh: Any) -> int:
     edges = np.sort(mesh.edges, axis=1)
     _, counts = np.unique(edges, axis=0, return_counts=True)
     return int(np.sum(counts == 1))
-
-
-def _stable_directions(hull: ConvexHull, center_mass: Array) -> Array:
-    """Directions (S, 3) opposite to the hull's facets above which the centre of mass lies."""
-    normals, offsets = hull.equations[:, :3], hull.equations[:, 3]
-    below = center_mass - (normals @ center_mass + offsets)[:, None] * normals
-    inside = [
-        np.max(normals @ foot + offsets) <= _ON_FACET for foot in below
-    ]  # A foot on the facet's plane that is in the hull is on the facet.
-    directions = -normals[np.array(inside)]
-    return np.ascontiguousarray(directions[_thinned(directions, _ALIKE_DIRECTIONS)])
 
 
 def _surface_moments(mesh: Any) -> tuple[Array, Array]:

@@ -186,8 +186,9 @@ def infer_pose(
     size = len(fine.s) + _STEPS_ALONG * len(fine.free) + 1
     modes = _find_modes(starts, coarse, fine, max(config.budget // size, 4), model.spins)
     samples, calibration = _draw(modes, config.samples, rng)
-    length = min(config.steps, 10 * config.budget // (size * config.samples))
-    # Under so much evidence that a walk would be short, the modes are narrow: Gaussians.
+    length = min(config.steps, 10 * config.budget // ((len(fine.s) + 1) * config.samples))
+    # Under so many points that a walk would be short, the modes are narrow: Gaussians. Lines of
+    # free space bound the density and do not narrow it, so they do not count.
     is_sparse = length >= _SHORTEST
     if is_sparse:
         steps = rng.normal(size=(config.samples, length, modes.P.shape[1]))

@@ -1,8 +1,12 @@
 """The belief about an object's pose: samples of its density under all that was measured.
 
 The density of a pose after a few touches has several modes and bent valleys, which no Gaussian
-describes. So many hypotheses are refined first, which finds the modes; random walks from the modes
-draw samples then. What is reported is the pose whose surface is on average nearest to the samples'.
+describes. Many hypotheses are refined, which finds the modes. Samples are drawn by refining as many
+hypotheses again, each under a prior and measurements of its own, all drawn as they may be; random
+walks correct them. What is reported is the pose whose surface is on average nearest to theirs.
+
+Source of the samples: D. S. Oliver, N. He, A. C. Reynolds, Conditioning permeability fields to
+pressure data, ECMOR V, 1996 (randomized maximum likelihood).
 """
 
 from dataclasses import dataclass
@@ -184,16 +188,18 @@ def infer_pose(
     if evidence.table is not None:
         starts[2::2] = stood(starts[2::2], evidence.table, model)
     size = len(fine.s) + _STEPS_ALONG * len(fine.free) + 1
-    modes = _find_modes(starts, coarse, fine, max(config.budget // size, 4), model.spins)
-    samples, calibration = _draw(modes, config.samples, rng)
+    modes = _find_modes(starts.copy(), coarse, fine, max(config.budget // size, 4), model.spins)
     length = min(config.steps, 10 * config.budget // ((len(fine.s) + 1) * config.samples))
     # Under so many points that a walk would be short, the modes are narrow: Gaussians. Lines of
     # free space bound the density and do not narrow it, so they do not count.
     is_sparse = length >= _SHORTEST
     if is_sparse:
+        samples, calibration = _randomised(starts[1:], fine, config.samples, rng)
         steps = rng.normal(size=(config.samples, length, modes.P.shape[1]))
         lots = rng.uniform(size=(config.samples, length))
         walk(samples, calibration, _STEP, steps, lots, FINE[-1], fine)
+    else:
+        samples, calibration = _draw(modes, config.samples, rng)
     if model.spins.any():
         turns = np.pi * rng.uniform(-1.0, 1.0, (config.samples, 3)) @ model.spins
         samples[:, :3, :3] = samples[:, :3, :3] @ Rotation.from_rotvec(turns).as_matrix()
@@ -257,6 +263,54 @@ def _draw(modes: _Modes, count: int, rng: np.random.Generator) -> tuple[Array, A
     samples[:, :3, :3] = samples[:, :3, :3] @ Rotation.from_rotvec(steps[:, :3]).as_matrix()
     samples[:, :3, 3] += steps[:, 3:6]
     return samples, calibration + steps[:, 6:]
+
+
+def _randomised(
+    starts: Array, problem: Problem, count: int, rng: np.random.Generator
+) -> tuple[Array, Array]:
+    """Poses (S, 4, 4) and errors of the calibration (S, a), about as likely as they are drawn.
+
+    Each is refined under a prior about its start, and measurements that are off by drawn noise and
+    drawn errors of the calibration. Exact where all is linear; there the cost that is left says
+    nothing about the pose, and where it is larger than that of others, a refinement went astray.
+
+    Args:
+        starts: Poses (K, 4, 4) drawn from the prior.
+        problem: What was measured.
+        count: Number S.
+        rng: Of all that is drawn.
+    """
+    X, errors = starts.copy(), rng.normal(size=(len(starts), problem.A.shape[2]))
+    costs, floors = np.empty(len(starts)), np.concatenate([COARSE, FINE])
+    for k, error in enumerate(errors):
+        c = np.zeros((1, len(error)))
+        costs[k] = refine(X[k : k + 1], c, floors, _drawn(problem, starts[k], error, rng))[0][0]
+        error += c[0]
+    weights = np.exp(-0.5 * (costs - costs.min()))
+    # So many times each as it weighs, rounded by one lot for all.
+    summed = np.cumsum(weights)
+    at = np.searchsorted(summed, summed[-1] * (np.arange(count) + rng.uniform()) / count)
+    return X[at], errors[at]
+
+
+def _drawn(problem: Problem, X: Array, c: Array, rng: np.random.Generator) -> Problem:
+    """What might as well be known: a prior about X, measurements that c has displaced, noise."""
+    s, free, table = problem.s.copy(), problem.free.copy(), problem.table.copy()
+    for g, A in enumerate(problem.A):
+        d, own, rays = A @ c, problem.group == g, problem.free_group == g
+        s[own] = _displaced(s[own], d, problem.eye[g], problem.axis[g])
+        free[rays] = _displaced(free[rays], d, problem.eye[g], problem.axis[g])
+    s += problem.sigma[:, None] * rng.normal(size=s.shape)
+    if len(table):
+        table[3] += table[4] * rng.normal()
+    return problem._replace(X_prior=X, s=s, free=free, table=table)
+
+
+def _displaced(s: Array, d: Array, eye: Array, axis: Array) -> Array:
+    """Points (..., 3) displaced by d (8,), as `Evidence` says."""
+    r = s - eye
+    E, moved = se3.exp(d[:6]), s + d[6] * r + d[7] * (r - (r @ axis)[..., None] * axis)
+    return np.asarray(moved @ E[:3, :3].T + E[:3, 3])
 
 
 def _joint_covariance(found: Array, modes: _Modes, active: Mask) -> Array:

@@ -174,8 +174,13 @@ def _sum_groups(
     problem: Problem,
     H: Array,
     b: Array,
+    lines_count: bool,
 ) -> float:
-    """Sums points and free lines up by group in `H` (G, 8, 8) and `b` (G, 8); the cost of all."""
+    """Sums points and, if they count, free lines up by group in `H` (G, 8, 8) and `b` (G, 8).
+
+    Returns:
+        The cost of all, which free lines have in either case.
+    """
     eye, axis = problem.eye, problem.axis
     s, free = problem.s, problem.free
     surface, facing, R_OW = problem.surface, problem.facing, R.T
@@ -206,6 +211,8 @@ def _sum_groups(
         if r < -_SLACK:
             w, c = _robust(((r + _SLACK) / scale) ** 2, width)
             cost += c
+            if not lines_count:
+                continue
             for i in range(3):
                 at[i] = moved[i] + along * (end[i] - moved[i])
             _add(R, at, eye[g], axis[g], m, r + _SLACK, w / scale**2, H[g], b[g])
@@ -281,7 +288,15 @@ def _add_table(
 
 
 @hot
-def linearise(X: Array, c: Array, floor: float, problem: Problem, N: Array, v: Array) -> float:
+def linearise(
+    X: Array,
+    c: Array,
+    floor: float,
+    problem: Problem,
+    N: Array,
+    v: Array,
+    lines_count: bool = True,
+) -> float:
     """Writes information N and vector v of a Gauss-Newton step (phi, tau, dc) at X and c.
 
     Args:
@@ -291,6 +306,7 @@ def linearise(X: Array, c: Array, floor: float, problem: Problem, N: Array, v: A
         problem: What they depend on.
         N: (6 + m, 6 + m), overwritten.
         v: (6 + m,), overwritten.
+        lines_count: Whether free lines add to N and v; the cost has them in either case.
 
     Returns:
         The cost: twice the negative log of the density, up to a constant.
@@ -303,7 +319,7 @@ def linearise(X: Array, c: Array, floor: float, problem: Problem, N: Array, v: A
     for g in range(groups):
         d[g] = A[g] @ c
         E[g] = se3.exp(d[g, :6])
-    cost = _sum_groups(R, t, E, d, floor, problem, H, b)
+    cost = _sum_groups(R, t, E, d, floor, problem, H, b, lines_count)
     N[:], v[:] = 0.0, 0.0
     e[:3] = se3.so3_log(np.ascontiguousarray(problem.X_prior[:3, :3].T) @ R)
     e[3:] = t - problem.X_prior[:3, 3]
@@ -392,8 +408,9 @@ def walk(
 ) -> Array:
     """Draws from the density by random walks, each step as wide as the density is where it begins.
 
-    Steps are drawn with the covariance that measurements and prior give at the place (Metropolis
-    and Hastings's algorithm), so that a walk follows a valley that bends.
+    Steps are drawn with the covariance that points and prior give at the place (Metropolis and
+    Hastings's algorithm), so that a walk follows a valley that bends. Free lines bound where it
+    goes, and say nothing of how wide the density is between them.
 
     Args:
         X: Poses (K, 4, 4) to start from; overwritten by where the walks end.
@@ -411,13 +428,13 @@ def walk(
     costs = np.empty(count)
     N, there, v = np.empty((size, size)), np.empty((size, size)), np.empty(size)
     for k in range(count):
-        costs[k] = linearise(X[k], c[k], floor, problem, N, v)
+        costs[k] = linearise(X[k], c[k], floor, problem, N, v, False)
         root = np.linalg.cholesky(N)
         for n in range(steps.shape[1]):
             dx = length * np.linalg.solve(root.T, steps[k, n])
             Y, d = X[k].copy(), c[k].copy()
             _step(Y, d, dx)
-            cost = linearise(Y, d, floor, problem, there, v)
+            cost = linearise(Y, d, floor, problem, there, v, False)
             back = np.linalg.cholesky(there)
             # Twice the log of how likely the step is, and the one back.
             forth = 2.0 * np.log(np.diag(root)).sum() - np.sum((root.T @ dx) ** 2) / length**2

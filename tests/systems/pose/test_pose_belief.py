@@ -221,6 +221,36 @@ def test_a_half_turn_that_looks_the_same_is_a_mode_of_its_own() -> None:
     assert belief.distance(X) < chi2.ppf(0.95, 6)
 
 
+def test_samples_of_a_bent_density_are_as_wide_as_it_is() -> None:
+    """A finger has met a post from the side, and has passed it elsewhere.
+
+    So the post's middle is on half a circle about the contact, but where the finger passed. Its
+    density there is drawn from the prior by weights.
+    """
+    radius, sigma, rng = 0.03, 0.02, np.random.default_rng(0)
+    mesh = trimesh.creation.cylinder(radius=radius, height=0.12, sections=64)
+    post = make_target(mesh.vertices, mesh.faces)
+    X = np.eye(4)
+    X[:3, 3] = [0.5, 0.0, 0.06]
+    prior = PosePrior(X=X, rotation_sigma=0.1, translation_sigma=sigma)
+    contact, facing = np.array([[0.53, 0.0, 0.06]]), np.array([[1.0, 0.0, 0.0]])
+    swept = np.array([[[0.4, 0.025, 0.06], [0.6, 0.025, 0.06]]])
+    evidence = Evidence(table=Table(height=0.0, height_sigma=1e-3))
+    evidence = evidence.with_group(np.zeros((6, 0)), contact, 1e-3, facing, swept)
+    belief = infer_pose(evidence, prior, post, replace(CONFIG, samples=256))
+    middle = X[:2, 3] + sigma * rng.normal(size=(400_000, 2))
+    away = np.linalg.norm(middle - contact[0, :2], axis=1) - radius
+    faces = middle[:, 0] < contact[0, 0]
+    passed = np.abs(middle[:, 1] - swept[0, 0, 1]) > radius
+    weights = np.exp(-0.5 * (away / 1e-3) ** 2) * faces * passed
+    weights /= weights.sum()
+    mean = weights @ middle
+    deviation = np.sqrt(weights @ (middle - mean) ** 2)
+    found = belief.samples[:, :2, 3]
+    assert_allclose(found.mean(axis=0), mean, atol=0.6 * deviation.max())
+    assert_allclose(found.std(axis=0), deviation, rtol=0.3)
+
+
 def test_the_same_evidence_gives_the_same_belief(model: TargetModel) -> None:
     rng = np.random.default_rng(2)
     X = standing(model, rng)

@@ -2,7 +2,7 @@
 
 The density of a pose after a few touches has several modes and bent valleys, which no Gaussian
 describes. Many hypotheses are refined, which finds the modes. Samples are drawn by refining as many
-hypotheses again, each under a prior and measurements of its own, all drawn as they may be; random
+hypotheses again, each under a prior mean and measurements drawn from their distributions; random
 walks correct them. What is reported is the pose whose surface is on average nearest to theirs.
 
 Source of the samples: D. S. Oliver, N. He, A. C. Reynolds, Conditioning permeability fields to
@@ -131,16 +131,18 @@ def problem_of(
         sigmas = table.height_sigma, table.tilt_sigma
         stands = np.array([*table.up, table.height, *sigmas, table.leaning])
     rows = _thinned(evidence, most, rng)
+    A = np.ascontiguousarray(evidence.displaced[:, :, acting(evidence)])
     return Problem(
         X_prior=of_middle(prior.X, model.middle),
         W_prior=prior.information,
+        c_prior=np.zeros(A.shape[2]),
         s=evidence.points[rows],
         sigma=evidence.sigma[rows],
         facing=evidence.facing[rows],
         group=evidence.group[rows],
         free=evidence.free,
         free_group=evidence.free_group,
-        A=np.ascontiguousarray(evidence.displaced[:, :, acting(evidence)]),
+        A=A,
         eye=evidence.eye,
         axis=evidence.axis,
         table=stands,
@@ -268,49 +270,37 @@ def _draw(modes: _Modes, count: int, rng: np.random.Generator) -> tuple[Array, A
 def _randomised(
     starts: Array, problem: Problem, count: int, rng: np.random.Generator
 ) -> tuple[Array, Array]:
-    """Poses (S, 4, 4) and errors of the calibration (S, a), about as likely as they are drawn.
+    """Approximate samples of the density: poses (S, 4, 4) and errors of the calibration (S, a).
 
-    Each is refined under a prior about its start, and measurements that are off by drawn noise and
-    drawn errors of the calibration. Exact where all is linear; there the cost that is left says
-    nothing about the pose, and where it is larger than that of others, a refinement went astray.
+    Each is the maximum under a prior mean and measurements of its own, drawn from their
+    distributions. Where all is linear these are exact samples, whose remaining costs do not depend
+    on the pose. A larger remaining cost tells of a wrong local maximum, so it lowers the weight.
 
     Args:
-        starts: Poses (K, 4, 4) drawn from the prior.
+        starts: Poses (K, 4, 4) drawn from the prior; some may be turned upright on the table.
         problem: What was measured.
         count: Number S.
         rng: Of all that is drawn.
     """
-    X, errors = starts.copy(), rng.normal(size=(len(starts), problem.A.shape[2]))
+    X, c = starts.copy(), rng.normal(size=(len(starts), problem.A.shape[2]))
     costs, floors = np.empty(len(starts)), np.concatenate([COARSE, FINE])
-    for k, error in enumerate(errors):
-        c = np.zeros((1, len(error)))
-        costs[k] = refine(X[k : k + 1], c, floors, _drawn(problem, starts[k], error, rng))[0][0]
-        error += c[0]
-    weights = np.exp(-0.5 * (costs - costs.min()))
-    # So many times each as it weighs, rounded by one lot for all.
-    summed = np.cumsum(weights)
+    for k in range(len(starts)):
+        one = slice(k, k + 1)
+        drawn = _perturbed(problem, starts[k], c[k].copy(), rng)
+        costs[k] = refine(X[one], c[one], floors, drawn)[0][0]
+    summed = np.cumsum(np.exp(-0.5 * (costs - costs.min())))
+    # Systematic resampling.
     at = np.searchsorted(summed, summed[-1] * (np.arange(count) + rng.uniform()) / count)
-    return X[at], errors[at]
+    return X[at], c[at]
 
 
-def _drawn(problem: Problem, X: Array, c: Array, rng: np.random.Generator) -> Problem:
-    """What might as well be known: a prior about X, measurements that c has displaced, noise."""
-    s, free, table = problem.s.copy(), problem.free.copy(), problem.table.copy()
-    for g, A in enumerate(problem.A):
-        d, own, rays = A @ c, problem.group == g, problem.free_group == g
-        s[own] = _displaced(s[own], d, problem.eye[g], problem.axis[g])
-        free[rays] = _displaced(free[rays], d, problem.eye[g], problem.axis[g])
-    s += problem.sigma[:, None] * rng.normal(size=s.shape)
+def _perturbed(problem: Problem, X: Array, c: Array, rng: np.random.Generator) -> Problem:
+    """The same with prior means X (4, 4) and c (a,), and with drawn noise on points and table."""
+    table = problem.table.copy()
     if len(table):
         table[3] += table[4] * rng.normal()
-    return problem._replace(X_prior=X, s=s, free=free, table=table)
-
-
-def _displaced(s: Array, d: Array, eye: Array, axis: Array) -> Array:
-    """Points (..., 3) displaced by d (8,), as `Evidence` says."""
-    r = s - eye
-    E, moved = se3.exp(d[:6]), s + d[6] * r + d[7] * (r - (r @ axis)[..., None] * axis)
-    return np.asarray(moved @ E[:3, :3].T + E[:3, 3])
+    s = problem.s + problem.sigma[:, None] * rng.normal(size=problem.s.shape)
+    return problem._replace(X_prior=X, c_prior=c, s=s, table=table)
 
 
 def _joint_covariance(found: Array, modes: _Modes, active: Mask) -> Array:

@@ -34,6 +34,7 @@ class Problem(NamedTuple):
     Attributes:
         X_prior: (4, 4) of the object's middle.
         W_prior: Information (6, 6) about rotation in O and translation in W.
+        c_prior: Mean errors of the calibration (m,), with a standard deviation of one.
         s: Points (N, 3), and so on as in `Evidence`.
         table: (up, height, height_sigma, tilt_sigma, leaning) (7,), or empty.
         surface: Of the `TargetModel`, as the following.
@@ -41,6 +42,7 @@ class Problem(NamedTuple):
 
     X_prior: Array
     W_prior: Array
+    c_prior: Array
     s: Array
     sigma: Array
     facing: Array
@@ -331,8 +333,8 @@ def linearise(
         for j in range(6):
             N[i, j] += problem.W_prior[i, j]
     for i in range(m):
-        v[6 + i] -= c[i]
-        cost += c[i] ** 2
+        v[6 + i] -= c[i] - problem.c_prior[i]
+        cost += (c[i] - problem.c_prior[i]) ** 2
         N[6 + i, 6 + i] += 1.0
     if len(problem.table) > 0:
         cost += _add_table(R, t, problem, floor, N, v)

@@ -8,11 +8,11 @@ from crossmodal.maths.validation import check
 from crossmodal.systems.declutter.declutter_graph import DeclutterConfig, declutter_graph
 from crossmodal.systems.port_values import (
     NO_GRAPH,
-    NO_QUALITIES,
+    NO_GRASPS,
     NO_SEGMENTS,
     NO_TRIES,
     DeclutterGraph,
-    GraspQualities,
+    Grasps,
     Segments,
 )
 from crossmodal.systems.recursive_filter import RecursiveFilter
@@ -26,8 +26,8 @@ class DeclutterPlanner(RecursiveFilter):
     Input ports:
     - `segments`: `Segments`, all objects in the last image, whose number tells that it is new;
       places in W, [m].
-    - `grasp_qualities`: `GraspQualities` of an image, each clipped to 0 to 1; the graph waits for
-      those of its own image. May stay unconnected, then nothing can be grasped.
+    - `grasps`: `Grasps` of an image, each quality clipped to 0 to 1; the graph waits for those of
+      its own image. May stay unconnected, then nothing can be grasped.
     - `tries`: `Tries`, how often which action has failed on which object. May stay unconnected,
       then none has.
 
@@ -53,7 +53,7 @@ class DeclutterPlanner(RecursiveFilter):
             raise ValueError("DeclutterPlanner: target = '', but it must be the name of a class")
         self._target, self._config = target, config
         self._segments = self._declare_value_input("segments", NO_SEGMENTS)
-        self._qualities = self._declare_value_input("grasp_qualities", NO_QUALITIES)
+        self._grasps = self._declare_value_input("grasps", NO_GRASPS)
         self._tries = self._declare_value_input("tries", NO_TRIES)
         self._declare_recursion(NO_GRAPH, self._calc, period)
         self._declare_latest("declutter_graph", lambda graph: graph)
@@ -61,10 +61,11 @@ class DeclutterPlanner(RecursiveFilter):
     def _calc(self, context: Context, graph: Any) -> DeclutterGraph:
         before: DeclutterGraph = graph
         scene: Segments = self._read(self._segments, context)
-        found: GraspQualities | None = self._read_optional(self._qualities, context)
+        found: Grasps | None = self._read_optional(self._grasps, context)
         waits = found is not None and found.number != scene.number
         if scene.number == before.number or waits:
             return before
         tries = self._read_optional(self._tries, context) or NO_TRIES
-        qualities = (found or NO_QUALITIES).qualities
+        grasps = found or NO_GRASPS
+        qualities = {number: grasps.best(number) for number in grasps.grasps}
         return declutter_graph(scene, self._target, qualities, tries, self._config)

@@ -81,16 +81,37 @@ class Segments(Immutable):
 
 
 @dataclass(frozen=True, kw_only=True)
-class GraspQualities(Immutable):
-    """How good the best grasp of each object is.
+class Grasp(Immutable):
+    """A grasp by two fingers from above, or from aside.
+
+    Attributes:
+        X_WE: Of the gripper's frame E (4, 4) when it has closed: the middle of the fingers' ends, z
+            along the approach, x along the opening.
+        width: Between the fingers' faces before they close, [m].
+        quality: 0 to 1, how likely it is to hold.
+    """
+
+    X_WE: Array
+    width: float
+    quality: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Grasps(Immutable):
+    """The grasps of each object.
 
     Attributes:
         number: Of the image that they were found in.
-        qualities: By the objects' numbers, 0 to 1; an object without one cannot be grasped.
+        grasps: By the objects' numbers, the best first and each at a place of its own; an object
+            without one cannot be grasped.
     """
 
     number: int = 0
-    qualities: Mapping[int, float] = field(default_factory=dict)
+    grasps: Mapping[int, tuple[Grasp, ...]] = field(default_factory=dict)
+
+    def best(self, number: int) -> float:
+        """Quality of the best grasp of an object; zero for none."""
+        return max((grasp.quality for grasp in self.grasps.get(number, ())), default=0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -199,6 +220,39 @@ class DeclutterGraph(Immutable):
 
 
 NO_SEGMENTS = Segments()
-NO_QUALITIES = GraspQualities()
+NO_GRASPS = Grasps()
 NO_TRIES = Tries()
 NO_GRAPH = DeclutterGraph(why="there is no image yet")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ActionRequest(Immutable):
+    """What an arm is to do with an object on the table.
+
+    Attributes:
+        number: Of the request, from one on; zero: nothing is wanted.
+        action: How the object is taken away.
+        object: Its number.
+        grasps: That may be tried, the preferred one first: the first that the arm can reach is
+            made; empty for a push.
+        push: Of the object; `NO_PUSH` for a grasp.
+        places: Where a grasped object may be put down (K, 2), x and y in W of the frame E, the
+            preferred one first, [m].
+        top: Height of the object above the table, [m]; NaN where it is not known.
+        obstacles: Edges (3,) [m] and poses X_WB (4, 4) of the middles of boxes that hold all other
+            objects; the gripper goes through none of them on its way.
+        done: Whether no more requests follow, so that the arm goes home.
+    """
+
+    number: int = 0
+    action: DeclutterAction = DeclutterAction.PUSH
+    object: int = -1
+    grasps: tuple[Grasp, ...] = ()
+    push: Push = NO_PUSH
+    places: Array = field(default_factory=lambda: np.zeros((0, 2)))
+    top: float = np.nan
+    obstacles: tuple[tuple[Array, Array], ...] = ()
+    done: bool = False
+
+
+NO_ACTION = ActionRequest()

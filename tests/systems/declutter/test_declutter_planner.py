@@ -20,7 +20,8 @@ from crossmodal.systems.port_values import (
     NO_TRIES,
     DeclutterAction,
     DeclutterGraph,
-    GraspQualities,
+    Grasp,
+    Grasps,
     Segment,
     Segments,
     Tries,
@@ -47,6 +48,14 @@ def tick(planner: DeclutterPlanner, context: Context, **inputs: object) -> Declu
     return graph
 
 
+def grasps_of(number: int, qualities: dict[int, float]) -> Grasps:
+    """One grasp of each object, of that quality."""
+    grasps = {
+        k: (Grasp(X_WE=np.eye(4), width=0.05, quality=quality),) for k, quality in qualities.items()
+    }
+    return Grasps(number=number, grasps=grasps)
+
+
 def scene(number: int = 1) -> Segments:
     cans = [rectangle(k, "can", (0.12 * k - 0.18, 0.0)) for k in (1, 2)]
     return image(rectangle(0, "wineglass", (0.0, 0.0)), *cans, number=number)
@@ -69,10 +78,10 @@ def test_before_the_first_image_there_is_no_graph(
 
 def test_the_graph_is_that_of_the_image(planner: DeclutterPlanner, context: Context) -> None:
     seen = image(*random_scene(3), number=4)
-    found = GraspQualities(number=4, qualities={2: 0.8, 5: 0.3})
+    found = grasps_of(4, {2: 0.8, 5: 0.3})
     tries = NO_TRIES.with_failure(5, DeclutterAction.GRASP)
-    graph = tick(planner, context, segments=seen, grasp_qualities=found, tries=tries)
-    expected = declutter_graph(seen, "wineglass", found.qualities, tries, DeclutterConfig())
+    graph = tick(planner, context, segments=seen, grasps=found, tries=tries)
+    expected = declutter_graph(seen, "wineglass", {2: 0.8, 5: 0.3}, tries, DeclutterConfig())
     assert graph.vertices == expected.vertices
     assert (graph.number, graph.next) == (4, expected.next)
 
@@ -87,20 +96,20 @@ def test_it_is_made_again_only_for_a_new_image(planner: DeclutterPlanner, contex
 
 
 def test_it_waits_for_the_grasps_of_its_image(planner: DeclutterPlanner, context: Context) -> None:
-    old = GraspQualities(number=1, qualities={1: 0.9})
-    first = tick(planner, context, segments=scene(), grasp_qualities=old)
+    old = grasps_of(1, {1: 0.9})
+    first = tick(planner, context, segments=scene(), grasps=old)
     assert first.vertex(1).action is DeclutterAction.GRASP
     assert tick(planner, context, segments=scene(2)) is first
-    new = GraspQualities(number=2, qualities={1: 0.01})
-    second = tick(planner, context, grasp_qualities=new)
+    new = grasps_of(2, {1: 0.01})
+    second = tick(planner, context, grasps=new)
     assert second.number == 2
     assert second.vertex(1).action is DeclutterAction.PUSH
 
 
 @pytest.mark.parametrize("quality", [3.0, np.inf])
 def test_qualities_are_clipped(planner: DeclutterPlanner, context: Context, quality: float) -> None:
-    found = GraspQualities(number=1, qualities={1: quality, 2: -quality})
-    graph = tick(planner, context, segments=scene(), grasp_qualities=found)
+    found = grasps_of(1, {1: quality, 2: -quality})
+    graph = tick(planner, context, segments=scene(), grasps=found)
     assert graph.vertex(1).action is DeclutterAction.GRASP
     assert graph.vertex(2).action is DeclutterAction.PUSH
 

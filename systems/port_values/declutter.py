@@ -119,9 +119,11 @@ class Tries(Immutable):
     """How often each action has failed on each object.
 
     Attributes:
+        number: Of the image up to which they were counted.
         failed: Counts by the object's number and the action.
     """
 
+    number: int = 0
     failed: Mapping[tuple[int, DeclutterAction], int] = field(default_factory=dict)
 
     def count(self, number: int, action: DeclutterAction) -> int:
@@ -255,4 +257,45 @@ class ActionRequest(Immutable):
     done: bool = False
 
 
+@dataclass(frozen=True, kw_only=True)
+class DeclutterStep(Immutable):
+    """What came of an action, by the images before and after it.
+
+    Attributes:
+        object: Number of the object.
+        name: Of its class; empty for none.
+        action: By which it was to be taken away.
+        outcome: What the arm says of it.
+        displacement: How far it has gone, [m]; infinite if it is not seen any more.
+        worked: Whether it was moved.
+        others: Numbers of the others that were moved, too.
+    """
+
+    object: int
+    name: str
+    action: DeclutterAction
+    outcome: str
+    displacement: float
+    worked: bool
+    others: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class DeclutterProgress(Immutable):
+    """What was done to free the target.
+
+    Attributes:
+        steps: All actions that were judged.
+        done: Whether no more follow.
+        found: Whether the target was seen in the last image.
+        why: Why it ended, in words; empty if the target is free or nothing was to be cleared.
+    """
+
+    steps: tuple[DeclutterStep, ...] = ()
+    done: bool = False
+    found: bool = False
+    why: str = ""
+
+
 NO_ACTION = ActionRequest()
+NO_PROGRESS = DeclutterProgress()

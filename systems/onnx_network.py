@@ -14,8 +14,8 @@ class OnnxNetwork:
 
     Args:
         path: Of the file.
-        shape: Channels, height and width (C, H, W) of the images that it is for; OpenCV does not say
-            what the file was made for.
+        shape: Channels, height and width (C, H, W) of the images that it is for; OpenCV does not
+            say what the file was made for.
 
     Raises:
         FileNotFoundError: where there is no such file.

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 FILES = ("segmentation.onnx", "segmentation.md")  # Weights and card.
 EPOCHS = 14
-BATCH = 16
+_BATCH = 16
 _RATE = 4e-3  # Largest learning rate.
 _DECAY = 1e-2
 _CROP = 160, 224  # Height and width of what is learned from at a time: half of an image.
@@ -93,6 +93,7 @@ def train(
     epochs: int,
     checkpoint: Path | None = None,
     jobs: int = 1,
+    batch: int = _BATCH,
 ) -> Iterator[float]:
     """Trains a network and yields the mean loss of each epoch.
 
@@ -103,6 +104,7 @@ def train(
         epochs: How often each image is seen.
         checkpoint: File from which it goes on, and that is written after each epoch.
         jobs: Cores.
+        batch: How many images make one step.
     """
     import torch
     from torch.nn.functional import cross_entropy, interpolate
@@ -110,7 +112,7 @@ def train(
     torch.set_num_threads(jobs)
     network.to(memory_format=torch.channels_last)
     optimiser = torch.optim.AdamW(network.parameters(), _RATE, weight_decay=_DECAY)
-    batches = len(images.colour) // BATCH
+    batches = len(images.colour) // batch
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, _RATE, total_steps=epochs * batches)
     parts = {"network": network, "optimiser": optimiser, "schedule": schedule}
     losses: list[float] = []
@@ -124,7 +126,7 @@ def train(
     for epoch in range(len(losses), epochs):
         rng, total = make_generator(seed, "segmentation training", epoch), 0.0
         network.train()
-        order = rng.permutation(len(images.colour))[: batches * BATCH].reshape(batches, BATCH)
+        order = rng.permutation(len(images.colour))[: batches * batch].reshape(batches, batch)
         for chosen in order:
             made = [sample(images, int(index), rng) for index in chosen]
             x, labels = (torch.from_numpy(np.stack(part)) for part in zip(*made, strict=True))
@@ -135,7 +137,7 @@ def train(
             loss.backward()
             optimiser.step()
             schedule.step()
-            total += float(loss)
+            total += float(loss.detach())
         losses.append(total / batches)
         if checkpoint is not None:
             kept = {name: part.state_dict() for name, part in parts.items()}

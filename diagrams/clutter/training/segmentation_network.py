@@ -26,7 +26,7 @@ def _convolution(n_in: int, n_out: int, size: int, stride: int = 1, groups: int 
     return nn.Sequential(
         nn.Conv2d(n_in, n_out, size, stride, size // 2, groups=groups, bias=False),
         nn.BatchNorm2d(n_out),
-        nn.ReLU(),
+        nn.ReLU(inplace=True),
     )
 
 

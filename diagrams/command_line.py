@@ -62,6 +62,9 @@ app.command("evaluate", epilog=evaluate.EXAMPLES)(evaluate.evaluate_command)
 app.command("ablate", epilog=ablate.EXAMPLES)(ablate.ablate_command)
 app.command("compare", epilog=compare.EXAMPLES)(compare.compare_command)
 train_app.command("hand-bending", epilog=train.EXAMPLES)(train.train_hand_bending_command)
+train_app.command("segmentation", epilog=train.SEGMENTATION_EXAMPLES)(
+    train.train_segmentation_command
+)
 app.add_typer(train_app, name="train")
 app.command("pose", epilog=pose.EXAMPLES)(pose.pose_command)
 app.command("diagram", epilog=diagram.EXAMPLES)(diagram.diagram_command)

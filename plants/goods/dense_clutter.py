@@ -108,7 +108,7 @@ def _target_pose(
     scene: GoodsScene, target: str, config: ClutterConfig, rng: np.random.Generator
 ) -> RigidTransform:
     """X_WO of the target on the table, upright or on a side that is drawn."""
-    vertices = _vertices(target)
+    vertices = mesh_vertices(target)
     up, lies = np.array([0.0, 0.0, 1.0]), rng.random() < config.laid_down
     turn, roll = rng.uniform(-np.pi, np.pi, size=2)
     if lies:
@@ -128,7 +128,8 @@ def _target_pose(
 
 
 @cache
-def _vertices(name: str) -> Array:
+def mesh_vertices(name: str) -> Array:
+    """Of the mesh of one of models/sdf/goods (V, 3), in O, [m]."""
     mesh = trimesh.load(str(GOODS_DIR / name / f"{name}.obj"), force="mesh")
     return np.asarray(mesh.vertices, dtype=float)
 
@@ -142,7 +143,7 @@ def _drop(
 ) -> tuple[str, dict[str, RigidTransform]]:
     """Drops all but the target and waits until all rest: what is wrong, if anything, and X_WO."""
     names = [name for name in scene.bodies if name != target]
-    above = X_WT.multiply(_vertices(target).T).T
+    above = X_WT.multiply(mesh_vertices(target).T).T
     count = len(names)
     inside = [rng.dirichlet(np.ones(3)) @ rng.choice(above, 3) for _ in names]
     # Their directions are spread evenly, or they would pile up to a tower.
@@ -154,7 +155,7 @@ def _drop(
     starts, top = {target: X_WT}, above[:, 2].max()
     for index in rng.permutation(count):
         R_WO = RotationMatrix(Rotation.from_quat(rng.normal(size=4)).as_matrix())
-        heights = _vertices(names[index]) @ R_WO.matrix()[2]
+        heights = mesh_vertices(names[index]) @ R_WO.matrix()[2]
         z = top + _GAP - heights.min()
         starts[names[index]] = RigidTransform(R_WO, [*aims[index, :2], z])
         top = z + heights.max()

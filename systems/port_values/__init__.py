@@ -26,7 +26,11 @@ from crossmodal.systems.port_values.declutter import (
     NO_ACTION,
     NO_GRAPH,
     NO_GRASPS,
+<<<<<<< HEAD
     NO_PROGRESS,
+=======
+    NO_MASKS,
+>>>>>>> h13_seg
     NO_PUSH,
     NO_SEGMENTS,
     NO_TRIES,
@@ -38,6 +42,7 @@ from crossmodal.systems.port_values.declutter import (
     DeclutterVertex,
     Grasp,
     Grasps,
+    ObjectMasks,
     Push,
     Segment,
     Segments,

@@ -14,8 +14,9 @@ from enum import StrEnum
 import numpy as np
 import shapely
 
-from crossmodal.maths.arrays import Array, unknown
+from crossmodal.maths.arrays import Array, Ids, unknown
 from crossmodal.maths.immutable import Immutable
+from crossmodal.maths.pinhole import Intrinsics
 
 _NOTHING: shapely.Geometry = shapely.Polygon()
 
@@ -297,5 +298,25 @@ class DeclutterProgress(Immutable):
     why: str = ""
 
 
+@dataclass(frozen=True, kw_only=True)
+class ObjectMasks(Immutable):
+    """Which pixels of an image show which object.
+
+    Attributes:
+        number: Of the image, as in `Segments`.
+        objects: Number of the object that each pixel shows (H, W); -1 where none.
+        depth: (H, W) along the camera's axis, [m]; zero where none was measured.
+        intrinsics: Of the image; None before the first one.
+        X_WC: Of the camera (4, 4), where it is believed to have been.
+    """
+
+    number: int = 0
+    objects: Ids = field(default_factory=lambda: np.full((0, 0), -1))
+    depth: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    intrinsics: Intrinsics | None = None
+    X_WC: Array = unknown(4, 4)
+
+
 NO_ACTION = ActionRequest()
+NO_MASKS = ObjectMasks()
 NO_PROGRESS = DeclutterProgress()

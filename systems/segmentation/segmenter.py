@@ -1,0 +1,209 @@
+"""The system that says which objects stand on a table, in each image that is taken for it."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+from pydrake.systems.framework import Context
+from pydrake.systems.sensors import ImageDepth32F, ImageGrey8U, ImageRgba8U
+
+from crossmodal.maths.arrays import Array, Mask
+from crossmodal.maths.immutable import Immutable
+from crossmodal.maths.pinhole import Intrinsics
+from crossmodal.maths.validation import check, number
+from crossmodal.systems.declutter.segments import segment_of_mask, with_known_numbers
+from crossmodal.systems.onnx_network import OnnxNetwork
+from crossmodal.systems.port_values import (
+    NO_MASKS,
+    NO_SEGMENTS,
+    ObjectMasks,
+    Segment,
+    Segments,
+    StampedImage,
+)
+from crossmodal.systems.recursive_filter import RecursiveFilter
+from crossmodal.systems.segmentation.network_input import heights_above, network_input
+from crossmodal.systems.segmentation.objects import (
+    ObjectsConfig,
+    SeenObject,
+    class_probabilities,
+    seen_objects,
+)
+
+
+@dataclass(kw_only=True)
+class SegmenterConfig:
+    """How images become numbered objects on a table."""
+
+    objects: ObjectsConfig = field(default_factory=ObjectsConfig)
+    # Farthest distance that an object goes between two images and is still known.
+    reach: float = number(0.3, above=0.0, at_most=10.0, unit="m")
+
+
+@dataclass(frozen=True, kw_only=True)
+class SegmenterState(Immutable):
+    """Of the last image.
+
+    Attributes:
+        looked: Number of the view that was segmented last.
+        segments: Its objects.
+        masks: Their pixels.
+        known: All objects that were ever seen, each as it was last.
+    """
+
+    looked: int = 0
+    segments: Segments = NO_SEGMENTS
+    masks: ObjectMasks = NO_MASKS
+    known: tuple[Segment, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class View:
+    """An image of the table, and from where.
+
+    Attributes:
+        colour: Red, green and blue (H, W, 3).
+        depth: (H, W) along the camera's axis, [m]; zero where none was measured.
+        masked: Pixels (H, W) of the robot.
+        intrinsics: Of the image.
+        X_WC: Of the camera (4, 4), where it is believed to have been.
+        table: z of the table's plane in W, [m].
+    """
+
+    colour: npt.NDArray[np.uint8]
+    depth: Array
+    masked: Mask
+    intrinsics: Intrinsics
+    X_WC: Array
+    table: float
+
+
+def objects_in(view: View, network: OnnxNetwork, config: ObjectsConfig) -> list[SeenObject]:
+    """All objects that an image shows, whether on the table or not."""
+    camera, X_WC, table = view.intrinsics, view.X_WC, view.table
+    x = network_input(view.colour, view.depth, view.masked, camera, X_WC, table)
+    classes = class_probabilities(network, x, view.depth.shape).argmax(axis=0)
+    heights = heights_above(view.depth, camera, X_WC, table)
+    return seen_objects(classes, view.depth, heights, view.masked, config)
+
+
+def segments_in(
+    view: View, found: list[SeenObject], region: shapely.Polygon
+) -> tuple[tuple[Segment, ...], list[Mask]]:
+    """The objects on a part of the table, numbered from zero, and their masks.
+
+    What the ray of a pixel misses the table for is beyond it, and left out.
+
+    Args:
+        view: Of the table.
+        found: What `objects_in` gave.
+        region: Of the table in W, [m].
+    """
+    kept: list[tuple[Segment, Mask]] = []
+    for one in found:
+        try:
+            segment = segment_of_mask(
+                len(kept), one.name, one.mask, view.intrinsics, view.X_WC, view.table, view.depth
+            )
+        except ValueError:
+            continue
+        if region.contains(segment.contour.centroid):
+            kept.append((segment, one.mask))
+    return tuple(segment for segment, _ in kept), [mask for _, mask in kept]
+
+
+class Segmenter(RecursiveFilter):
+    """Says which objects stand on the table, whenever the camera has come to rest at a new view.
+
+    Input ports:
+    - `color_measured`, `depth_measured`: `StampedImage` of the same size and the same camera.
+    - `robot_mask`: `ImageGrey8U`, above zero where the robot is seen; may stay unconnected.
+    - `looked`: (1,) number of the view at which the camera rests; where it has risen, the image is
+      segmented.
+
+    Output ports:
+    - `segments`: `Segments` of the last tick, numbered from one image to the next.
+    - `object_masks`: `ObjectMasks` of the same image.
+
+    State: `SegmenterState`.
+
+    Frames: W world, C camera.
+
+    Args:
+        network: Of the segmentation.
+        intrinsics: Of the images, as believed.
+        table: z of the table's plane in W, as believed, [m].
+        region: Of the table in W, outside of which nothing is looked for, [m].
+        config: Of objects.
+        period: Of the ticks, [s].
+
+    Raises:
+        ValueError: for an impossible configuration.
+    """
+
+    def __init__(
+        self,
+        network: OnnxNetwork,
+        intrinsics: Intrinsics,
+        table: float,
+        region: shapely.Polygon,
+        config: SegmenterConfig,
+        period: float,
+    ) -> None:
+        super().__init__()
+        check(config, "Segmenter")
+        self._network, self._config = network, config
+        self._intrinsics, self._table, self._region = intrinsics, table, region
+        self._colour, self._depth = (
+            self._declare_value_input(name, StampedImage(time=0.0, image=kind()))
+            for name, kind in (("color_measured", ImageRgba8U), ("depth_measured", ImageDepth32F))
+        )
+        self._mask = self._declare_value_input("robot_mask", ImageGrey8U())
+        self._looked = self.DeclareVectorInputPort("looked", 1)
+        self._declare_recursion(SegmenterState(), self._calc, period)
+        self._declare_latest("segments", lambda state: state.segments)
+        self._declare_latest("object_masks", lambda state: state.masks)
+
+    def _calc(self, context: Context, state: Any) -> SegmenterState:
+        before: SegmenterState = state
+        looked = int(self._read(self._looked, context)[0])
+        if looked <= before.looked:
+            return before
+        image: StampedImage = self._read(self._depth, context)
+        view = self._view(context, image)
+        seen, masks = segments_in(
+            view, objects_in(view, self._network, self._config.objects), self._region
+        )
+        named = with_known_numbers(seen, before.known, self._config.reach)
+        objects = np.full(view.depth.shape, -1)
+        for segment, mask in zip(named, masks, strict=True):
+            objects[mask] = segment.number
+        count = before.segments.number + 1
+        known = {segment.number: segment for segment in (*before.known, *named)}
+        return SegmenterState(
+            looked=looked,
+            segments=Segments(number=count, time=image.time, segments=named),
+            masks=ObjectMasks(
+                number=count,
+                objects=objects,
+                depth=view.depth,
+                intrinsics=view.intrinsics,
+                X_WC=view.X_WC,
+            ),
+            known=tuple(known.values()),
+        )
+
+    def _view(self, context: Context, image: StampedImage) -> View:
+        colour: StampedImage = self._read(self._colour, context)
+        mask = self._read_optional(self._mask, context)
+        depth = np.array(image.image.data[:, :, 0], float)
+        return View(
+            colour=np.array(colour.image.data[:, :, :3]),
+            depth=depth,
+            masked=np.zeros(depth.shape, bool) if mask is None else mask.data[:, :, 0] != 0,
+            intrinsics=self._intrinsics,
+            X_WC=image.X_WC,
+            table=self._table,
+        )

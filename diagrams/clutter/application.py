@@ -14,11 +14,17 @@ from crossmodal.diagrams.clutter.estimators import (
 from crossmodal.diagrams.clutter.meshcat_view import add_view
 from crossmodal.diagrams.clutter.own_mesh import keep_files, own_mesh_assignments
 from crossmodal.diagrams.clutter.results.results import evaluate, metrics
-from crossmodal.diagrams.clutter.scenario import SCENARIO_FOLDER, Scenario, resolve
+from crossmodal.diagrams.clutter.scenario import (
+    SCENARIO_FOLDER,
+    Scenario,
+    object_names,
+    resolve,
+)
 from crossmodal.diagrams.clutter.station.station import close_loop, make_station
 from crossmodal.diagrams.run.application import Application
 from crossmodal.diagrams.run.experiment import Column, Experiment
 from crossmodal.diagrams.run.record import Quantity
+from crossmodal.plants.goods.clutter_density import NO_DENSITY
 from crossmodal.systems.port_values import NO_MEASUREMENT, NO_TOUCH, NO_VIEW, UNKNOWN_POSE
 
 APPLICATION = Application(
@@ -35,10 +41,18 @@ APPLICATION = Application(
     keep_files=keep_files,
     quantities=lambda scenario: [Quantity(port="object_pose_latest", model=UNKNOWN_POSE)],
     station_quantities=lambda scenario: [
-        Quantity(port="cheat_object_pose", model=RigidTransform()),
+        *(
+            Quantity(port=f"cheat_{name}_pose", model=RigidTransform())
+            for name in ["object", *object_names(scenario)]
+        ),
         Quantity(port="pose_measurement", model=NO_MEASUREMENT),
         Quantity(port="touch_latest", model=NO_TOUCH),
         Quantity(port="view_latest", model=NO_VIEW),
+        *(
+            [Quantity(port="cheat_clutter_density", model=NO_DENSITY)]
+            if scenario.clutter.count
+            else []
+        ),
     ],
     evaluate=evaluate,
     view=add_view,

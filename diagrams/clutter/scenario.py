@@ -11,6 +11,7 @@ from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 from crossmodal.diagrams.stations import pushed
 from crossmodal.maths.validation import number, numbers
 from crossmodal.models import SDF_DIR
+from crossmodal.plants.goods.dense_clutter import ClutterConfig, names_in_clutter
 from crossmodal.plants.scene import PlantConfig
 from crossmodal.systems.active.touch_planner import TouchPlannerConfig
 from crossmodal.systems.active.touch_planning import CRITERIA
@@ -117,6 +118,8 @@ class Scenario(base.Scenario):
     control: ControlConfig = field(default_factory=ControlConfig)
     disturbances: Disturbances = field(default_factory=Disturbances)
     target: TargetConfig = field(default_factory=TargetConfig)
+    # What lies around the object and on it, for robots.
+    clutter: ClutterConfig = field(default_factory=lambda: ClutterConfig(count=0))
     guess: GuessConfig = field(default_factory=GuessConfig)
     table: TableConfig = field(default_factory=TableConfig)
     views: ViewPlannerConfig = field(default_factory=ViewPlannerConfig)
@@ -142,6 +145,16 @@ def resolve(scenario: Scenario, path: Path) -> Scenario:
                 f"{path}: {key}.criterion = '{criterion}', but it must be one of"
                 f" {', '.join(allowed)}"
             )
+    if scenario.clutter.count and (scenario.station != "robots" or scenario.target.mesh):
+        raise ScenarioError(
+            f"{path}: clutter.count = {scenario.clutter.count}, but only robots have clutter, and"
+            " only around a target.object"
+        )
+    if scenario.clutter.count and not scenario.table.known:
+        raise ScenarioError(
+            f"{path}: clutter.count = {scenario.clutter.count}, but table.known = False: clutter"
+            " lies on a table"
+        )
     if scenario.station not in STATIONS:
         raise ScenarioError(
             f"{path}: station = '{scenario.station}', but it must be one of {', '.join(STATIONS)}"
@@ -177,6 +190,18 @@ def target_name(scenario: Scenario) -> str:
     if target.object:
         return target.object
     return target.objects[scenario.seed % len(target.objects)]
+
+
+def other_goods(scenario: Scenario) -> list[str]:
+    """Names of the goods that may lie around the object."""
+    goods = sorted(folder.name for folder in GOODS_DIR.iterdir() if folder.is_dir())
+    return [name for name in goods if name != target_name(scenario)]
+
+
+def object_names(scenario: Scenario) -> list[str]:
+    """Names of the goods that lie around the object, by the seed."""
+    config, others = scenario.clutter, other_goods(scenario)
+    return names_in_clutter(config, target_name(scenario), others, scenario.seed)[1:]
 
 
 def is_transparent(scenario: Scenario) -> bool:

@@ -3,11 +3,13 @@
 import numpy as np
 from pydrake.math import RigidTransform
 from scipy.spatial.transform import Rotation
+from tqdm import tqdm
 
 from crossmodal.diagrams.clutter.robot_config import TOUCH_ARM
-from crossmodal.diagrams.clutter.scenario import Scenario, generator
+from crossmodal.diagrams.clutter.scenario import Scenario, generator, other_goods, target_name
 from crossmodal.diagrams.run.calibration import Calibration, draw_base
 from crossmodal.maths.arrays import Array
+from crossmodal.plants.goods.dense_clutter import make_dense_clutter
 from crossmodal.systems.port_values import PosePrior, of_mesh
 from crossmodal.systems.pose.target_model import TargetModel
 
@@ -28,9 +30,28 @@ def true_pose(scenario: Scenario, model: TargetModel) -> Array:
     X[:3, :3] = Rotation.from_rotvec([0.0, 0.0, rng.uniform(-np.pi, np.pi)]).as_matrix()
     if not scenario.table.known:
         X[:3, :3] = Rotation.from_quat(rng.normal(size=4)).as_matrix()
-    X[:2, 3] = [rng.uniform(0.4, 0.6), rng.uniform(-0.1, 0.1)]
+    X[:2, 3] = _place(rng)
     X[2, 3] = -float(np.min(model.hull @ X[2, :3]))
     return X
+
+
+def _place(rng: np.random.Generator) -> list[float]:
+    """Where the object is in W's x and y, [m]."""
+    return [rng.uniform(0.4, 0.6), rng.uniform(-0.1, 0.1)]
+
+
+def clutter_poses(scenario: Scenario) -> dict[str, RigidTransform]:
+    """X_WO of all objects of a seed by their names, the sought one first; none without clutter.
+
+    It takes up to a minute until all have come to rest; where a person waits, that is shown.
+    """
+    if scenario.clutter.count == 0:
+        return {}
+    p_WMiddle = np.array([*_place(generator(scenario, "clutter")), 0.0])
+    target, others = target_name(scenario), other_goods(scenario)
+    what = f"{scenario.clutter.count + 1} objects come to rest, which may take a minute"
+    with tqdm(desc=what, bar_format="{desc}", disable=None, leave=False):
+        return make_dense_clutter(scenario.clutter, target, others, p_WMiddle, scenario.seed)
 
 
 def true_displacement(scenario: Scenario, calibration: Calibration) -> Array:

@@ -35,11 +35,14 @@ class Station:
             An output `task_status` (`TaskStatus`) says what the robot does and ends the episode, an
             output `cheat_query_object` (`QueryObject`) lets Meshcat draw the scene.
         initialise: Sets the initial state in the root context.
+        after_step: Called with the root context between two steps of the simulation, which it may
+            make cheaper.
         warnings: What a user should know before it runs, a line each.
     """
 
     diagram: Diagram
     initialise: Callable[[Context], None] = lambda context: None
+    after_step: Callable[[Context], None] | None = None
     warnings: Sequence[str] = ()
 
 

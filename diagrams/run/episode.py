@@ -170,6 +170,8 @@ class Episode:
         simulator = Simulator(self.diagram)
         root = simulator.get_mutable_context()
         self.station.initialise(root)
+        if self.station.after_step is not None:
+            simulator.set_monitor(self.station.after_step)
         if self._meshcat is not None:
             self._meshcat.StartRecording(frames_per_second=16.0)
         simulator.Initialize()

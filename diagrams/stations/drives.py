@@ -1,8 +1,8 @@
 """How models with servo drives are moved: joint positions that their drives follow."""
 
 import numpy as np
-from pydrake.systems.framework import BasicVector, Context, LeafSystem, System
-from pydrake.systems.primitives import ConstantVectorSource
+from pydrake.systems.framework import BasicVector, Context, LeafSystem, OutputPort, System
+from pydrake.systems.primitives import ConstantVectorSource, MatrixGain
 
 from crossmodal.diagrams.stations.connections import connect_alike
 from crossmodal.diagrams.stations.naming import prefixed
@@ -56,6 +56,20 @@ def add_drives(
     command = control.GetOutputPort("joint_position_commanded")
     builder.Connect(command, drives.get_input_port())
     builder.Connect(drives.get_output_port(), target)
+
+
+def follow(wiring: StationWiring, model: str, command: OutputPort) -> None:
+    """Lets a model's drives follow the positions (n,) that are commanded, or one for all of them.
+
+    They push no harder than the model's efforts allow.
+    """
+    port = wiring.plant.get_desired_state_input_port(wiring.scene.model(model))
+    joints = port.size() // 2
+    of_each = np.ones((joints, 1)) if command.size() == 1 else np.eye(joints)
+    gain = MatrixGain(np.vstack([of_each, np.zeros_like(of_each)]))
+    drives = wiring.builder.AddNamedSystem(f"{model}_drives", gain)
+    wiring.builder.Connect(command, drives.get_input_port())
+    wiring.builder.Connect(drives.get_output_port(), port)
 
 
 def hold_still(wiring: StationWiring, model: str, q: Array) -> None:

@@ -39,11 +39,14 @@ class ClutterDensity:
         touching_target: Those with the target.
     """
 
-    hidden_above: float
-    hidden_60: float
-    hidden_35: float
-    touching: int
-    touching_target: int
+    hidden_above: float = 0.0
+    hidden_60: float = 0.0
+    hidden_35: float = 0.0
+    touching: int = 0
+    touching_target: int = 0
+
+
+NO_DENSITY = ClutterDensity()
 
 
 def measure_density(poses: Mapping[str, RigidTransform], target: str) -> ClutterDensity:

@@ -64,6 +64,13 @@ class ClutterConfig:
     reach: float = number(0.35, above=0.0, at_most=0.6, unit="m")
 
 
+def names_in_clutter(
+    config: ClutterConfig, target: str, others: Sequence[str], seed: int
+) -> list[str]:
+    """Names of the objects in the clutter of a seed, the target first; see `make_dense_clutter`."""
+    return _drawn_names(config, target, others, np.random.default_rng(seed))
+
+
 def make_dense_clutter(
     config: ClutterConfig, target: str, others: Sequence[str], p_WMiddle: Array, seed: int
 ) -> dict[str, RigidTransform]:
@@ -90,7 +97,7 @@ def make_dense_clutter(
             f"ClutterConfig: count = {config.count}, but there are {len(others)} others"
         )
     rng = np.random.default_rng(seed)
-    names = [target, *(str(name) for name in rng.permutation(others)[: config.count])]
+    names = _drawn_names(config, target, others, rng)
     X_WT = _target_pose(GoodsScene([target], p_WMiddle), target, config, rng)
     fault = ""
     for _ in range(_TRIES):
@@ -102,6 +109,12 @@ def make_dense_clutter(
         f"clutter around '{target}' with seed {seed}: in {_TRIES} tries no scene came to rest as it"
         f" should; the last one {fault}"
     )
+
+
+def _drawn_names(
+    config: ClutterConfig, target: str, others: Sequence[str], rng: np.random.Generator
+) -> list[str]:
+    return [target, *(str(name) for name in rng.permutation(others)[: config.count])]
 
 
 def _target_pose(

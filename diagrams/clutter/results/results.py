@@ -1,6 +1,7 @@
 """What an episode comes to: how far the object is from where it is believed, stage by stage."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +15,7 @@ from crossmodal.diagrams.clutter.results.gains import (
     touch_gains,
     view_gains,
 )
-from crossmodal.diagrams.clutter.scenario import Scenario, target_name
+from crossmodal.diagrams.clutter.scenario import Scenario, object_names, target_name
 from crossmodal.diagrams.clutter.start import true_displacement
 from crossmodal.diagrams.evaluation.estimates import Row, estimates_table, vector
 from crossmodal.diagrams.run.application import Results
@@ -151,12 +152,16 @@ def evaluate(record: EpisodeRecord) -> Results:
         "stages": stages[first],
         "object_moved": _moved(true) if scenario.station == "robots" else None,
     }
+    summary: dict[str, Any] = {"pose": pose, "modalities": modalities}
+    density = record.station_values("cheat_clutter_density")
+    if density:
+        summary["clutter"] = {"objects": object_names(scenario), "density": asdict(density[0])}
     is_known = bool(np.isfinite(true).all())
     return Results(
         failure="the object fell over" if _fell(true) else _task_failure(record, stages[first]),
         judged=is_known,
         estimates=table,
-        summary={"pose": pose, "modalities": modalities},
+        summary=summary,
         plots={
             "stages.png": partial(draw_stages, stages, scenario.seed),
             "gains.png": partial(_draw_gains, record, stages[first], model),

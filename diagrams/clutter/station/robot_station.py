@@ -6,7 +6,8 @@ Its outputs are what the robots have; the truth leaves it only through ports nam
 from pydrake.common.value import Value
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import ExternallyAppliedSpatialForceMultiplexer
-from pydrake.systems.framework import Context, DiagramBuilder
+from pydrake.multibody.tree import RigidBody
+from pydrake.systems.framework import Context, DiagramBuilder, System
 from pydrake.systems.primitives import ConstantValueSource
 
 from crossmodal.diagrams.clutter.estimators import believed_table, load_model
@@ -19,8 +20,8 @@ from crossmodal.diagrams.clutter.robot_config import (
     ROBOTS,
     TOUCH_ARM,
 )
-from crossmodal.diagrams.clutter.scenario import Scenario
-from crossmodal.diagrams.clutter.start import first_guess, true_pose
+from crossmodal.diagrams.clutter.scenario import GOODS_DIR, Scenario, object_names, target_name
+from crossmodal.diagrams.clutter.start import clutter_poses, first_guess, true_pose
 from crossmodal.diagrams.clutter.station.robot_control import add_control
 from crossmodal.diagrams.clutter.station.robot_measurements import (
     add_measurements,
@@ -31,14 +32,16 @@ from crossmodal.diagrams.clutter.station.robot_sensors import add_sensors
 from crossmodal.diagrams.clutter.station.wiring import StationWiring
 from crossmodal.diagrams.run.application import Station
 from crossmodal.diagrams.run.calibration import Calibration, draw_base
-from crossmodal.diagrams.stations.drives import hold_still
+from crossmodal.diagrams.stations.drives import follow, hold_still
 from crossmodal.diagrams.stations.true_pose import add_true_pose
 from crossmodal.plants.external_forces import ExternalForces
+from crossmodal.plants.goods.clutter_density import measure_density
+from crossmodal.plants.resting_bodies import RestingBodies
 from crossmodal.plants.robots.arm_with_hand import make_arm_with_load
 from crossmodal.plants.robots.panda import PANDA_AWAY
 from crossmodal.plants.robots.ur5 import UR5_HOME
 from crossmodal.plants.scene import ObjectPlacement, add_manipulation_scene
-from crossmodal.systems.port_values import of_mesh
+from crossmodal.systems.port_values import of_mesh, of_middle
 from crossmodal.systems.pose.pose_measurements import Displacements
 
 HOMES = {CAMERA_ARM: PANDA_AWAY, TOUCH_ARM: UR5_HOME}
@@ -50,11 +53,12 @@ def make_robot_station(scenario: Scenario, calibration: Calibration) -> Station:
     Output ports of its Diagram: `pose_measurement`, `pose_guess`, `view_latest`, `grid_latest`,
     `touch_latest`, `touch_end`, `depth_measured`, `color_measured`, `robot_mask`,
     `camera_joint_state_window`, `touch_joint_state_window`, `taxel_window`, `task_status`,
-    `cheat_object_pose`, `cheat_query_object`. Input port: `object_pose`.
+    `cheat_object_pose`, `cheat_query_object`. With clutter also `cheat_clutter_density`, and
+    `cheat_<name>_pose` of each object. Input port: `object_pose`.
 
     Args:
-        scenario: With its seed, by which the object's pose, the noise of all sensors, the true
-            camera and where the arms truly stand are drawn.
+        scenario: With its seed, by which the object's pose, what lies around it, the noise of all
+            sensors, the true camera and where the arms truly stand are drawn.
         calibration: What the robots believe of themselves.
     """
     errors, seed = scenario.calibration.errors, scenario.seed
@@ -62,23 +66,29 @@ def make_robot_station(scenario: Scenario, calibration: Calibration) -> Station:
     # W is where the camera's arm stands; how the two stand to each other is known up to errors.
     bases[TOUCH_ARM] = draw_base(TOUCH_ARM, bases[TOUCH_ARM], errors, seed)
     model, table = load_model(scenario), believed_table(scenario)
-    X_WM = true_pose(scenario, model)
-    X_WO = RigidTransform(of_mesh(X_WM, model.middle))
+    clutter = clutter_poses(scenario)
+    if clutter:
+        X_WO = clutter[target_name(scenario)]
+        X_WM = of_middle(X_WO.GetAsMatrix4(), model.middle)
+    else:
+        X_WM = true_pose(scenario, model)
+        X_WO = RigidTransform(of_mesh(X_WM, model.middle))
+    objects = {OBJECT: ObjectPlacement(model=simulated_model(scenario), X_WO=X_WO, free=True)}
+    for name in object_names(scenario):
+        file = GOODS_DIR / name / f"{name}.sdf"
+        objects[name] = ObjectPlacement(model=file, X_WO=clutter[name], free=True)
     builder = DiagramBuilder()
     robots = [(CAMERA_ARM, CAMERA_HAND), (TOUCH_ARM, GRIPPER)]
     scene = add_manipulation_scene(
         builder,
         scenario.plant,
-        {OBJECT: ObjectPlacement(model=simulated_model(scenario), X_WO=X_WO, free=True)},
+        objects,
         robots,
         bases,
         weightless=[name for robot in robots for name in robot],
     )
     wiring = StationWiring(builder=builder, scene=scene, scenario=scenario, calibration=calibration)
     plant = scene.plant
-    hold_still(
-        wiring, GRIPPER, plant.GetPositions(plant.CreateDefaultContext(), scene.model(GRIPPER))
-    )
     arms = {name: make_arm_with_load(ROBOTS[name], X) for name, X in bases.items()}
     sensors = add_sensors(wiring, arms, HOMES)
     guess = Value[object](first_guess(scenario, X_WM, model))
@@ -87,18 +97,49 @@ def make_robot_station(scenario: Scenario, calibration: Calibration) -> Station:
     # What joints' errors do differs from posture to posture by a millimetre or two.
     displaced = Displacements(camera=camera, taxels=taxels).touch(HOMES[TOUCH_ARM])
     control = add_control(wiring, model, table, sensors, guessed, HOMES, displaced)
+    _add_finger_drives(wiring, control.touch)
     measurements = add_measurements(wiring, model, table, camera, taxels, sensors, guessed, control)
     builder.Connect(measurements.get_output_port(), control.views.GetInputPort("pose_measurement"))
     builder.ExportOutput(measurements.get_output_port(), "pose_measurement")
     builder.ExportOutput(guessed, "pose_guess")
     _add_outside(wiring)
+    if clutter:
+        density = measure_density(clutter, target_name(scenario))
+        source = builder.AddNamedSystem("density", ConstantValueSource(Value[object](density)))
+        builder.ExportOutput(source.get_output_port(), "cheat_clutter_density")
 
     def initialise(root: Context) -> None:
         context = plant.GetMyMutableContextFromRoot(root)
         for name, q in HOMES.items():
             plant.SetPositions(context, scene.model(name), q)
 
-    return Station(diagram=builder.Build(), initialise=initialise)
+    resting = RestingBodies(plant, scene.scene_graph, _may_rest(wiring))
+    return Station(
+        diagram=builder.Build(),
+        initialise=initialise,
+        after_step=resting.after_step if clutter else None,
+    )
+
+
+def _add_finger_drives(wiring: StationWiring, control: System) -> None:
+    """Lets the gripper's drives follow a control that moves them, and else keeps it closed."""
+    plant, fingers = wiring.plant, wiring.scene.model(GRIPPER)
+    if control.HasOutputPort("finger_position_commanded"):
+        follow(wiring, GRIPPER, control.GetOutputPort("finger_position_commanded"))
+    else:
+        hold_still(wiring, GRIPPER, plant.GetPositions(plant.CreateDefaultContext(), fingers))
+
+
+def _may_rest(wiring: StationWiring) -> list[RigidBody]:
+    """The bodies of all objects but those that somebody pushes from outside."""
+    plant, scene = wiring.plant, wiring.scene
+    pushed = [force.frame.partition("::")[0] for force in wiring.scenario.disturbances.forces]
+    return [
+        plant.get_body(index)
+        for name, model in scene.objects.items()
+        if name not in pushed
+        for index in plant.GetBodyIndices(model)
+    ]
 
 
 def _add_outside(wiring: StationWiring) -> None:
@@ -114,6 +155,6 @@ def _add_outside(wiring: StationWiring) -> None:
         builder.Connect(plant.get_body_poses_output_port(), pushes.GetInputPort("body_poses"))
         builder.Connect(pushes.get_output_port(), total.get_input_port(0))
         builder.Connect(total.get_output_port(), plant.get_applied_spatial_force_input_port())
-    frame = plant.GetFrameByName("__model__", scene.model(OBJECT))
-    add_true_pose(builder, plant, frame, "object")
+    for name, model in scene.objects.items():
+        add_true_pose(builder, plant, plant.GetFrameByName("__model__", model), name)
     builder.ExportOutput(scene.scene_graph.get_query_output_port(), "cheat_query_object")

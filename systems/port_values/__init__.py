@@ -26,11 +26,8 @@ from crossmodal.systems.port_values.declutter import (
     NO_ACTION,
     NO_GRAPH,
     NO_GRASPS,
-<<<<<<< HEAD
-    NO_PROGRESS,
-=======
     NO_MASKS,
->>>>>>> h13_seg
+    NO_PROGRESS,
     NO_PUSH,
     NO_SEGMENTS,
     NO_TRIES,

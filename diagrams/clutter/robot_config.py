@@ -2,6 +2,9 @@
 
 from dataclasses import dataclass, field
 
+from crossmodal.controllers.primitives.move_object_config import MoveObjectConfig
+from crossmodal.systems.grasping.grasp_planner import GraspPlannerConfig
+
 from crossmodal.controllers.arm.motion_planner import MotionPlannerConfig
 from crossmodal.controllers.primitives.guarded_touch import GuardedTouchConfig
 from crossmodal.controllers.primitives.look import LookConfig
@@ -9,6 +12,7 @@ from crossmodal.maths.validation import number
 from crossmodal.plants.robots.panda import PANDA_WITH_CAMERA
 from crossmodal.plants.robots.ur5 import UR5_WITH_GRIPPER
 from crossmodal.systems.pose.target_view import TargetViewConfig
+from crossmodal.systems.segmentation.segmenter import SegmenterConfig
 from crossmodal.systems.sensors.finger_encoders import FingerEncodersConfig
 from crossmodal.systems.sensors.joint_encoders import JointEncodersConfig, joint_side_encoders
 from crossmodal.systems.sensors.rgbd_camera import CameraNoiseConfig
@@ -37,6 +41,8 @@ class PerceptionConfig:
     """How measurements are made of what the sensors give."""
 
     view: TargetViewConfig = field(default_factory=TargetViewConfig)
+    segmenter: SegmenterConfig = field(default_factory=SegmenterConfig)
+    grasps: GraspPlannerConfig = field(default_factory=GraspPlannerConfig)
     # By how much a touch moves the object, as it is believed; the standard deviation. In the two
     # decisions that it takes to stop, the arm goes on by 0.25 mm at 25 mm/s.
     moved: float = number(1.5e-4, at_least=0.0, at_most=0.1, unit="m")
@@ -48,4 +54,5 @@ class PerceptionConfig:
 class ControlConfig:
     look: LookConfig = field(default_factory=LookConfig)
     touch: GuardedTouchConfig = field(default_factory=GuardedTouchConfig)
+    move: MoveObjectConfig = field(default_factory=MoveObjectConfig)
     planner: MotionPlannerConfig = field(default_factory=MotionPlannerConfig)

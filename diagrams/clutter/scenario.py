@@ -16,6 +16,8 @@ from crossmodal.plants.scene import PlantConfig
 from crossmodal.systems.active.touch_planner import TouchPlannerConfig
 from crossmodal.systems.active.touch_planning import CRITERIA
 from crossmodal.systems.active.view_planner import VIEW_CRITERIA, ViewPlannerConfig
+from crossmodal.systems.declutter.declutter_graph import DeclutterConfig
+from crossmodal.systems.declutter.declutter_sequence import DeclutterSequenceConfig
 from crossmodal.systems.sensors.randomness import make_generator
 from crossmodal.systems.sensors.taxel_array import TaxelArrayFault
 
@@ -120,6 +122,9 @@ class Scenario(base.Scenario):
     target: TargetConfig = field(default_factory=TargetConfig)
     # What lies around the object and on it, for robots.
     clutter: ClutterConfig = field(default_factory=lambda: ClutterConfig(count=0))
+    # How it is cleared away.
+    declutter: DeclutterConfig = field(default_factory=DeclutterConfig)
+    sequence: DeclutterSequenceConfig = field(default_factory=DeclutterSequenceConfig)
     guess: GuessConfig = field(default_factory=GuessConfig)
     table: TableConfig = field(default_factory=TableConfig)
     views: ViewPlannerConfig = field(default_factory=ViewPlannerConfig)

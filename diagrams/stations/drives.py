@@ -39,20 +39,26 @@ class Drives(LeafSystem):
 
 
 def add_drives(
-    wiring: StationWiring, owner: str, arm: str, encoders: JointEncoders, control: System
+    wiring: StationWiring,
+    owner: str,
+    arm: str,
+    encoders: JointEncoders,
+    control: System,
+    *readers: System,
 ) -> None:
-    """Lets a control read an arm's joints, and the arm's drives follow it.
+    """Lets controls read an arm's joints, and the arm's drives follow one of them.
 
     Args:
         owner: Name of the arm where there are several; it begins the system's name.
         arm: Name of the arm's model in the scene.
         encoders: Of the arm.
-        control: With the input `joint_state_measured` and the output `joint_position_commanded`.
+        control: With the output `joint_position_commanded`.
+        readers: With the input `joint_state_measured`; without any, `control` has it.
     """
     builder, plant = wiring.builder, wiring.plant
     target = plant.get_desired_state_input_port(wiring.scene.model(arm))
     drives = builder.AddNamedSystem(prefixed(owner, "drives"), Drives(encoders, target.size() // 2))
-    connect_alike(builder, encoders, "joint_state_measured", control)
+    connect_alike(builder, encoders, "joint_state_measured", *(readers or [control]))
     command = control.GetOutputPort("joint_position_commanded")
     builder.Connect(command, drives.get_input_port())
     builder.Connect(drives.get_output_port(), target)

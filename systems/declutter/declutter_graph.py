@@ -113,12 +113,6 @@ def actions_left(
     return [action for action in possible if tries.count(number, action) < config.tries]
 
 
-def find_target(segments: Sequence[Segment], name: str) -> Segment | None:
-    """The object of this class that covers most of the table, the lowest number among equals."""
-    named = [segment for segment in segments if segment.name == name]
-    return min(named, key=lambda s: (-round(s.contour.area, _DIGITS), s.number), default=None)
-
-
 def declutter_graph(
     scene: Segments,
     target: str,
@@ -145,7 +139,7 @@ def declutter_graph(
     numbers = [segment.number for segment in segments]
     if len(set(numbers)) < len(numbers):
         raise ValueError(f"two objects have the same number: {numbers}")
-    root = find_target(segments, target)
+    root = scene.largest(target)
     if root is None:
         return DeclutterGraph(number=scene.number, apart=tuple(segments), why=NO_TARGET)
     weights = edge_weights(segments, config)

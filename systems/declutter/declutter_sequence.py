@@ -14,7 +14,7 @@ from crossmodal.maths.arrays import Array
 from crossmodal.maths.immutable import Immutable
 from crossmodal.maths.validation import check, number
 from crossmodal.systems.declutter.around import AroundConfig, boxes_around, free_places, guess_of
-from crossmodal.systems.declutter.declutter_graph import NO_TARGET, TARGET_FREE, find_target
+from crossmodal.systems.declutter.declutter_graph import NO_TARGET, TARGET_FREE
 from crossmodal.systems.port_values import (
     NO_ACTION,
     NO_GRAPH,
@@ -257,7 +257,7 @@ class DeclutterSequence(RecursiveFilter):
     def _decide(
         self, context: Context, state: SequenceState, graph: DeclutterGraph
     ) -> SequenceState:
-        target = find_target(state.scene.segments, self._target)
+        target = state.scene.largest(self._target)
         if target is None:
             return self._look_elsewhere(state, NO_TARGET)
         if not self._config.clear:

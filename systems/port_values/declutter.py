@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 import numpy as np
+import numpy.typing as npt
 import shapely
 
 from crossmodal.maths.arrays import Array, Ids, unknown
@@ -79,6 +80,11 @@ class Segments(Immutable):
     number: int = 0
     time: float = 0.0
     segments: tuple[Segment, ...] = ()
+
+    def largest(self, name: str) -> Segment | None:
+        """The object of a class that covers most of the table; among equals the lowest number."""
+        named = [segment for segment in self.segments if segment.name == name]
+        return min(named, key=lambda s: (-round(s.contour.area, 9), s.number), default=None)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -304,14 +310,18 @@ class ObjectMasks(Immutable):
 
     Attributes:
         number: Of the image, as in `Segments`.
+        view: Number of the view at which it was taken.
         objects: Number of the object that each pixel shows (H, W); -1 where none.
+        colour: Red, green and blue (H, W, 3), 0 to 255.
         depth: (H, W) along the camera's axis, [m]; zero where none was measured.
         intrinsics: Of the image; None before the first one.
         X_WC: Of the camera (4, 4), where it is believed to have been.
     """
 
     number: int = 0
+    view: int = 0
     objects: Ids = field(default_factory=lambda: np.full((0, 0), -1))
+    colour: npt.NDArray[np.uint8] = field(default_factory=lambda: np.zeros((0, 0, 3), np.uint8))
     depth: Array = field(default_factory=lambda: np.zeros((0, 0)))
     intrinsics: Intrinsics | None = None
     X_WC: Array = unknown(4, 4)

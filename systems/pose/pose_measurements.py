@@ -14,8 +14,11 @@ from crossmodal.maths.immutable import Immutable
 from crossmodal.maths.pinhole import Intrinsics
 from crossmodal.systems.arm_pose import ArmPose
 from crossmodal.systems.port_values import (
+    NO_MASKS,
     NO_MEASUREMENT,
     NO_PRIOR,
+    NO_SEGMENTS,
+    ObjectMasks,
     PoseMeasurement,
     PosePrior,
     StampedImage,
@@ -135,6 +138,8 @@ class PoseMeasurements(RecursiveFilter):
     - `looked`: (1,) number of the view at which the camera rests.
     - `unreachable`: (1,) number of the last view that cannot be got to.
     - `touch_end`: how the last touch ended, with `number`, `outcome`, `q_start`, `q_end`, `forces`.
+    - `segments`, `object_masks`: `Segments` and `ObjectMasks`, which tell the object's pixels from
+      those of others; unconnected, all near where it is thought to be are the object's.
 
     Output ports:
     - `pose_measurement`: `PoseMeasurement`, the last one.
@@ -149,6 +154,7 @@ class PoseMeasurements(RecursiveFilter):
         height: Of the table as believed, [m]; None if it stands on nothing that is known.
         config: Of the object's pixels.
         period: Of the ticks, [s].
+        name: Of the object's class.
     """
 
     def __init__(
@@ -160,8 +166,10 @@ class PoseMeasurements(RecursiveFilter):
         height: float | None,
         config: TargetViewConfig,
         period: float,
+        name: str = "",
     ) -> None:
         super().__init__()
+        self._name = name
         self._model, self._camera, self._taxels = model, camera, taxels
         self._errors = Displacements(camera=camera, taxels=taxels)
         self._nowhere = np.zeros_like(self._errors.touch(np.zeros(taxels.arm.num_joints)))
@@ -176,6 +184,8 @@ class PoseMeasurements(RecursiveFilter):
         self._looked = self.DeclareVectorInputPort("looked", 1)
         self._unreachable = self.DeclareVectorInputPort("unreachable", 1)
         self._touch = self.DeclareAbstractInputPort("touch_end", Value[object]())
+        self._segments = self._declare_value_input("segments", NO_SEGMENTS)
+        self._masks = self._declare_value_input("object_masks", NO_MASKS)
         self._declare_recursion(MeasurementsState(), self._calc, period)
         self._declare_latest("pose_measurement", lambda state: state.measurement)
 
@@ -185,6 +195,10 @@ class PoseMeasurements(RecursiveFilter):
         unreachable = int(self._read(self._unreachable, context)[0])
         if not self._read(self._guess, context).given:
             return replace(state, view=max(looked, unreachable))
+        masks: ObjectMasks | None = self._read_optional(self._masks, context)
+        if looked > state.view and masks is not None and masks.view < looked:
+            unchanged: MeasurementsState = state
+            return unchanged
         if looked > state.view:
             return MeasurementsState(
                 measurement=self._view(context, number), view=looked, touch=state.touch
@@ -209,9 +223,16 @@ class PoseMeasurements(RecursiveFilter):
         depth = np.array(image.image.data[:, :, 0])
         mask = self._read_optional(self._mask, context)
         masked = np.zeros(depth.shape, bool) if mask is None else mask.data[:, :, 0] != 0
+        own = np.ones(depth.shape, bool)
+        masks: ObjectMasks | None = self._read_optional(self._masks, context)
+        if masks is not None:
+            target = self._read(self._segments, context).largest(self._name)
+            own = masks.objects == (-1 if target is None else target.number)
+            own &= target is not None
         seen = view_target(
             depth,
             masked,
+            own,
             camera.intrinsics,
             X_WC,
             centre,

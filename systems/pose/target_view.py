@@ -53,6 +53,7 @@ class TargetView:
 def view_target(
     depth: Array,
     masked: Mask,
+    own: Mask,
     intrinsics: Intrinsics,
     X_WC: Array,
     centre: Array,
@@ -68,6 +69,7 @@ def view_target(
     Args:
         depth: Image (H, W), [m]; zero, NaN or infinite where there is none.
         masked: Pixels of the robots (H, W).
+        own: Pixels (H, W) that may be the object's.
         intrinsics: Of the image.
         X_WC: Pose of the camera (4, 4).
         centre: p_W (3,) about which the object is, [m].
@@ -82,7 +84,7 @@ def view_target(
     y = (v - intrinsics.center_y) / intrinsics.focal_y
     rays = np.stack([x, y, np.ones_like(x)], axis=-1)
     p_W = (z[..., None] * rays) @ X_WC[:3, :3].T + X_WC[:3, 3]
-    near = usable & (np.linalg.norm(p_W - centre, axis=-1) < radius)
+    near = usable & own & (np.linalg.norm(p_W - centre, axis=-1) < radius)
     if height is not None:
         near &= _above_table(p_W, usable, centre, radius, height, config)
     kernel = np.ones((3, 3), np.uint8)

@@ -187,7 +187,9 @@ class Segmenter(RecursiveFilter):
             segments=Segments(number=count, time=image.time, segments=named),
             masks=ObjectMasks(
                 number=count,
+                view=looked,
                 objects=objects,
+                colour=view.colour,
                 depth=view.depth,
                 intrinsics=view.intrinsics,
                 X_WC=view.X_WC,

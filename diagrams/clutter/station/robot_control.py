@@ -1,24 +1,24 @@
 """What directs and moves both arms: planners of views and touches, looking, touching."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import OutputPort
 
-from crossmodal.controllers.arm.kinematics import ArmModel
-from crossmodal.controllers.arm.motion_planner import MotionPlanner
 from crossmodal.controllers.primitives.arm_task import believed_box
 from crossmodal.controllers.primitives.guarded_touch import GuardedTouch, touch_line
 from crossmodal.controllers.primitives.look import Look
 from crossmodal.diagrams.clutter.robot_config import (
     CAMERA_ARM,
-    CAMERA_HAND,
-    GRIPPER,
     LOOKER,
     TOUCH_ARM,
     TOUCHER,
+)
+from crossmodal.diagrams.clutter.station.believed_arms import BelievedArms
+from crossmodal.diagrams.clutter.station.declutter_control import (
+    DeclutterControl,
+    connect_declutter,
 )
 from crossmodal.diagrams.clutter.station.robot_sensors import RobotSensors
 from crossmodal.diagrams.clutter.station.wiring import StationWiring
@@ -28,14 +28,11 @@ from crossmodal.diagrams.stations.drives import add_drives
 from crossmodal.diagrams.stations.task_status import add_task_status
 from crossmodal.maths.arrays import Array
 from crossmodal.models.gripper_taxels import tip_taxels
-from crossmodal.plants.planning_scene import planning_scene
 from crossmodal.systems.active.touch_planner import TouchPlanner
 from crossmodal.systems.active.view_planner import ViewPlanner
 from crossmodal.systems.port_values import TouchRequest, ViewRequest
 from crossmodal.systems.pose.evidence import Table
 from crossmodal.systems.pose.target_model import TargetModel
-
-_ROBOTS = {CAMERA_ARM: (CAMERA_ARM, CAMERA_HAND), TOUCH_ARM: (TOUCH_ARM, GRIPPER)}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,9 +57,10 @@ def add_control(
     model: TargetModel,
     table: Table | None,
     sensors: RobotSensors,
+    believed: BelievedArms,
     guess: OutputPort,
-    homes: Mapping[str, Array],
     displaced: Array,
+    declutter: DeclutterControl | None,
 ) -> RobotControl:
     """Adds planners and controllers; exports what is planned, the grid and `touch_end`.
 
@@ -72,23 +70,14 @@ def add_control(
         model: Of the object.
         table: As believed.
         sensors: Of the robots.
+        believed: What the robots know of their arms.
         guess: `pose_guess`.
-        homes: Postures in which the arms begin and end (n,), by their names, [rad].
         displaced: (6, m) by which twist in W contacts are displaced per error of the calibration.
+        declutter: What clears the way before; None where there is nothing to be cleared.
     """
     builder, scenario = wiring.builder, wiring.scenario
     config, period, seed = scenario.control, scenario.network_period, scenario.seed
-    arms = {name: ArmModel(arm.model) for name, arm in wiring.calibration.arms.items()}
-    planners = {
-        name: MotionPlanner(
-            arms[name],
-            planning_scene(scenario.plant.scene),
-            robot,
-            config.planner,
-        )
-        for name, robot in _ROBOTS.items()
-    }
-    q_home = {name: sensors.encoders[name].as_read(q) for name, q in homes.items()}
+    arms, planners, q_home = believed.arms, believed.planners, believed.q_home
 
     def can_look(request: ViewRequest) -> bool:
         planner = planners[CAMERA_ARM]
@@ -132,14 +121,19 @@ def add_control(
         ),
     )
     add_drives(wiring, LOOKER, CAMERA_ARM, sensors.encoders[CAMERA_ARM], look)
-    add_drives(wiring, TOUCHER, TOUCH_ARM, sensors.encoders[TOUCH_ARM], touch)
+    view = views.GetOutputPort("view_latest")
+    if declutter is None:
+        add_drives(wiring, TOUCHER, TOUCH_ARM, sensors.encoders[TOUCH_ARM], touch)
+    else:
+        connect_declutter(wiring, declutter, sensors, look, touch, view, q_home[TOUCH_ARM])
+        view = declutter.sequence.GetOutputPort("view_latest")
     measured = {
         name: encoders.GetOutputPort("joint_state_measured")
         for name, encoders in sensors.encoders.items()
     }
     connections = [
         (guess, views, "pose_guess"),
-        (views.GetOutputPort("view_latest"), look, "view_latest"),
+        (view, look, "view_latest"),
         (views.GetOutputPort("view_latest"), touches, "view_latest"),
         (touches.GetOutputPort("touch_latest"), look, "touch_latest"),
         (touches.GetOutputPort("touch_latest"), touch, "touch_latest"),
@@ -151,8 +145,8 @@ def add_control(
     for source, system, port in connections:
         builder.Connect(source, system.GetInputPort(port))
     export_input(builder, "object_pose", touches, views)
-    for port in ("view_latest", "grid_latest"):
-        builder.ExportOutput(views.GetOutputPort(port), port)
+    builder.ExportOutput(view, "view_latest")
+    builder.ExportOutput(views.GetOutputPort("grid_latest"), "grid_latest")
     builder.ExportOutput(touches.GetOutputPort("touch_latest"), "touch_latest")
     builder.ExportOutput(touch.GetOutputPort("touch_end"), "touch_end")
     add_task_status(

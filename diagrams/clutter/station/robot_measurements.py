@@ -6,7 +6,7 @@ import numpy as np
 from pydrake.systems.framework import OutputPort, System
 
 from crossmodal.diagrams.clutter.robot_config import CAMERA_ARM, TOUCH_ARM
-from crossmodal.diagrams.clutter.scenario import Scenario, is_transparent
+from crossmodal.diagrams.clutter.scenario import Scenario, is_transparent, target_name
 from crossmodal.diagrams.clutter.station.robot_control import RobotControl
 from crossmodal.diagrams.clutter.station.robot_sensors import RobotSensors, arm_pose
 from crossmodal.diagrams.clutter.station.wiring import StationWiring
@@ -88,6 +88,7 @@ def add_measurements(
             None if table is None else table.height,
             replace(view, lines=0) if is_transparent(scenario) else view,
             scenario.network_period,
+            target_name(scenario),
         ),
     )
     looker = sensors.encoders[CAMERA_ARM]

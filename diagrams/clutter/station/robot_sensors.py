@@ -47,12 +47,16 @@ class RobotSensors:
     Attributes:
         encoders: By the arms' models.
         taxels: `taxel_measured`.
+        fingers: `hand_positions_measured` of the gripper.
+        colour: `color_measured`.
         depth: `depth_measured`.
         mask: `robot_mask`, the pixels of both robots.
     """
 
     encoders: Mapping[str, JointEncoders]
     taxels: OutputPort
+    fingers: OutputPort
+    colour: OutputPort
     depth: OutputPort
     mask: OutputPort
 
@@ -108,7 +112,8 @@ def add_sensors(
         prefixed(owner, "joint_state_measured"): encoders[arm].GetOutputPort("joint_state_measured")
         for owner, arm in ((LOOKER, CAMERA_ARM), (TOUCHER, TOUCH_ARM))
     }
-    postures[prefixed(TOUCHER, "hand_positions_measured")] = _add_finger_encoders(wiring)
+    fingers = _add_finger_encoders(wiring)
+    postures[prefixed(TOUCHER, "hand_positions_measured")] = fingers
     add_robot_masks(
         wiring,
         lambda plant: _add_believed_robots(plant, wiring.calibration),
@@ -160,6 +165,8 @@ def add_sensors(
     return RobotSensors(
         encoders=encoders,
         taxels=sensor.GetOutputPort("taxel_measured"),
+        fingers=fingers,
+        colour=stamps.GetOutputPort("color_measured"),
         depth=stamps.GetOutputPort("depth_measured"),
         mask=builder.GetSubsystemByName("robot_mask").GetOutputPort("robot_mask"),
     )

@@ -7,7 +7,7 @@ from pydrake.common.value import Value
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import ExternallyAppliedSpatialForceMultiplexer
 from pydrake.multibody.tree import RigidBody
-from pydrake.systems.framework import Context, DiagramBuilder, System
+from pydrake.systems.framework import Context, DiagramBuilder
 from pydrake.systems.primitives import ConstantValueSource
 
 from crossmodal.diagrams.clutter.estimators import believed_table, load_model
@@ -22,6 +22,8 @@ from crossmodal.diagrams.clutter.robot_config import (
 )
 from crossmodal.diagrams.clutter.scenario import GOODS_DIR, Scenario, object_names, target_name
 from crossmodal.diagrams.clutter.start import clutter_poses, first_guess, true_pose
+from crossmodal.diagrams.clutter.station.believed_arms import believed_arms
+from crossmodal.diagrams.clutter.station.declutter_control import add_declutter_control
 from crossmodal.diagrams.clutter.station.robot_control import add_control
 from crossmodal.diagrams.clutter.station.robot_measurements import (
     add_measurements,
@@ -32,7 +34,8 @@ from crossmodal.diagrams.clutter.station.robot_sensors import add_sensors
 from crossmodal.diagrams.clutter.station.wiring import StationWiring
 from crossmodal.diagrams.run.application import Station
 from crossmodal.diagrams.run.calibration import Calibration, draw_base
-from crossmodal.diagrams.stations.drives import follow, hold_still
+from crossmodal.diagrams.stations.connections import connect_alike
+from crossmodal.diagrams.stations.drives import hold_still
 from crossmodal.diagrams.stations.true_pose import add_true_pose
 from crossmodal.plants.external_forces import ExternalForces
 from crossmodal.plants.goods.clutter_density import measure_density
@@ -91,14 +94,26 @@ def make_robot_station(scenario: Scenario, calibration: Calibration) -> Station:
     plant = scene.plant
     arms = {name: make_arm_with_load(ROBOTS[name], X) for name, X in bases.items()}
     sensors = add_sensors(wiring, arms, HOMES)
-    guess = Value[object](first_guess(scenario, X_WM, model))
-    guessed = builder.AddNamedSystem("pose_guess", ConstantValueSource(guess)).get_output_port()
+    believed, declutter = believed_arms(wiring, sensors, HOMES), None
+    if clutter:
+        assert table is not None, "the scenario is refused otherwise"
+        declutter = add_declutter_control(wiring, model, table.height, sensors, believed)
+        guessed = declutter.sequence.GetOutputPort("pose_guess")
+    else:
+        guess = Value[object](first_guess(scenario, X_WM, model))
+        source = builder.AddNamedSystem("pose_guess", ConstantValueSource(guess))
+        guessed = source.get_output_port()
     camera, taxels = believed_camera(calibration), believed_taxels(scenario, calibration)
     # What joints' errors do differs from posture to posture by a millimetre or two.
     displaced = Displacements(camera=camera, taxels=taxels).touch(HOMES[TOUCH_ARM])
-    control = add_control(wiring, model, table, sensors, guessed, HOMES, displaced)
-    _add_finger_drives(wiring, control.touch)
+    control = add_control(wiring, model, table, sensors, believed, guessed, displaced, declutter)
     measurements = add_measurements(wiring, model, table, camera, taxels, sensors, guessed, control)
+    if declutter is None:
+        closed = plant.GetPositions(plant.CreateDefaultContext(), scene.model(GRIPPER))
+        hold_still(wiring, GRIPPER, closed)
+    else:
+        for port in ("segments", "object_masks"):
+            connect_alike(builder, declutter.segmenter, port, measurements)
     builder.Connect(measurements.get_output_port(), control.views.GetInputPort("pose_measurement"))
     builder.ExportOutput(measurements.get_output_port(), "pose_measurement")
     builder.ExportOutput(guessed, "pose_guess")
@@ -119,15 +134,6 @@ def make_robot_station(scenario: Scenario, calibration: Calibration) -> Station:
         initialise=initialise,
         after_step=resting.after_step if clutter else None,
     )
-
-
-def _add_finger_drives(wiring: StationWiring, control: System) -> None:
-    """Lets the gripper's drives follow a control that moves them, and else keeps it closed."""
-    plant, fingers = wiring.plant, wiring.scene.model(GRIPPER)
-    if control.HasOutputPort("finger_position_commanded"):
-        follow(wiring, GRIPPER, control.GetOutputPort("finger_position_commanded"))
-    else:
-        hold_still(wiring, GRIPPER, plant.GetPositions(plant.CreateDefaultContext(), fingers))
 
 
 def _may_rest(wiring: StationWiring) -> list[RigidBody]:

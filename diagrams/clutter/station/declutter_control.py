@@ -1,4 +1,4 @@
-"""What clears the way to the object: its segmentation, grasps, graph and sequence, and the action."""
+"""What clears the way to the object: segmentation, grasps, graph, sequence and actions."""
 
 from dataclasses import dataclass
 

@@ -30,7 +30,12 @@ from crossmodal.maths.arrays import Array
 from crossmodal.models.gripper_taxels import tip_taxels
 from crossmodal.systems.active.touch_planner import TouchPlanner
 from crossmodal.systems.active.view_planner import ViewPlanner
-from crossmodal.systems.port_values import TouchRequest, ViewRequest
+from crossmodal.systems.port_values import (
+    NO_PROGRESS,
+    DeclutterProgress,
+    TouchRequest,
+    ViewRequest,
+)
 from crossmodal.systems.pose.evidence import Table
 from crossmodal.systems.pose.target_model import TargetModel
 
@@ -149,10 +154,18 @@ def add_control(
     builder.ExportOutput(views.GetOutputPort("grid_latest"), "grid_latest")
     builder.ExportOutput(touches.GetOutputPort("touch_latest"), "touch_latest")
     builder.ExportOutput(touch.GetOutputPort("touch_end"), "touch_end")
+    clearing = {}
+    if declutter is not None:
+        clearing = {
+            "move": declutter.move.GetOutputPort("phase"),
+            "stuck": declutter.move.GetOutputPort("failure"),
+            "progress": declutter.sequence.GetOutputPort("declutter_progress"),
+        }
     add_task_status(
         builder,
         _status,
         {
+            **clearing,
             "look": look.GetOutputPort("phase"),
             "touch": touch.GetOutputPort("phase"),
             "wanted": touches.GetOutputPort("touch_latest"),
@@ -165,8 +178,17 @@ def add_control(
 
 
 def _status(
-    look: str, touch: str, wanted: TouchRequest, is_done: Array, failure: str, in_the_way: str
+    look: str,
+    touch: str,
+    wanted: TouchRequest,
+    is_done: Array,
+    failure: str,
+    in_the_way: str,
+    move: str = "",
+    stuck: str = "",
+    progress: DeclutterProgress = NO_PROGRESS,
 ) -> TaskStatus:
-    done = bool(np.asarray(is_done)[0] > 0.5 or in_the_way)
-    note = failure or in_the_way or wanted.why
-    return TaskStatus(phase=touch or look, done=done, note=note)
+    unseen = progress.why if progress.done and not progress.found else ""
+    stops = in_the_way or stuck or unseen
+    done = bool(np.asarray(is_done)[0] > 0.5 or stops)
+    return TaskStatus(phase=move or touch or look, done=done, note=failure or stops or wanted.why)

@@ -25,7 +25,22 @@ from crossmodal.diagrams.run.application import Application
 from crossmodal.diagrams.run.experiment import Column, Experiment
 from crossmodal.diagrams.run.record import Quantity
 from crossmodal.plants.goods.clutter_density import NO_DENSITY
-from crossmodal.systems.port_values import NO_MEASUREMENT, NO_TOUCH, NO_VIEW, UNKNOWN_POSE
+from crossmodal.systems.port_values import (
+    NO_GRAPH,
+    NO_MASKS,
+    NO_MEASUREMENT,
+    NO_PROGRESS,
+    NO_TOUCH,
+    NO_VIEW,
+    UNKNOWN_POSE,
+)
+
+_OF_CLUTTER = [
+    Quantity(port="cheat_clutter_density", model=NO_DENSITY),
+    Quantity(port="object_masks", model=NO_MASKS),
+    Quantity(port="declutter_graph", model=NO_GRAPH),
+    Quantity(port="declutter_progress", model=NO_PROGRESS),
+]
 
 APPLICATION = Application(
     name="clutter",
@@ -48,11 +63,7 @@ APPLICATION = Application(
         Quantity(port="pose_measurement", model=NO_MEASUREMENT),
         Quantity(port="touch_latest", model=NO_TOUCH),
         Quantity(port="view_latest", model=NO_VIEW),
-        *(
-            [Quantity(port="cheat_clutter_density", model=NO_DENSITY)]
-            if scenario.clutter.count
-            else []
-        ),
+        *(_OF_CLUTTER if scenario.clutter.count else []),
     ],
     evaluate=evaluate,
     view=add_view,

@@ -1,7 +1,6 @@
 """What an episode comes to: how far the object is from where it is believed, stage by stage."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -9,13 +8,19 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from crossmodal.diagrams.clutter.estimators import load_model
+from crossmodal.diagrams.clutter.results.declutter_results import (
+    cleared_at,
+    declutter_report,
+    declutter_summary,
+    step_pictures,
+)
 from crossmodal.diagrams.clutter.results.gains import (
     measurements,
     outcome,
     touch_gains,
     view_gains,
 )
-from crossmodal.diagrams.clutter.scenario import Scenario, object_names, target_name
+from crossmodal.diagrams.clutter.scenario import Scenario, target_name
 from crossmodal.diagrams.clutter.start import true_displacement
 from crossmodal.diagrams.evaluation.estimates import Row, estimates_table, vector
 from crossmodal.diagrams.run.application import Results
@@ -103,18 +108,18 @@ def _errors(belief: ObjectPose, X_WM: Array, model: TargetModel) -> dict[str, An
     }
 
 
-def _moved(true: Array) -> float | None:
-    """How far the object was moved from where it had come to rest, [m]."""
-    if len(true) <= _SETTLED or not np.isfinite(true).all():
+def _moved(true: Array, first: int) -> float | None:
+    """How far the object was moved from where it was at the tick `first`, [m]."""
+    if len(true) <= first or not np.isfinite(true).all():
         return None
-    return float(np.linalg.norm(true[-1, :3, 3] - true[_SETTLED, :3, 3]))
+    return float(np.linalg.norm(true[-1, :3, 3] - true[first, :3, 3]))
 
 
-def _fell(true: Array) -> bool:
-    """Whether the object leans by 20 deg against how it stood, or lies below its table."""
-    if len(true) <= _SETTLED or not np.isfinite(true).all():
+def _fell(true: Array, first: int) -> bool:
+    """Whether the object leans by 20 deg against how it stood then, or lies below its table."""
+    if len(true) <= first or not np.isfinite(true).all():
         return False
-    start, end = true[_SETTLED], true[-1]
+    start, end = true[first], true[-1]
     leans = float(start[2, :3] @ end[2, :3]) < np.cos(np.deg2rad(20.0))
     return bool(leans or end[2, 3] < start[2, 3] - 0.1)
 
@@ -137,6 +142,8 @@ def evaluate(record: EpisodeRecord) -> Results:
     scenario: Scenario = record.scenario
     model = load_model(scenario)
     true = _true_poses(record, model)
+    # What counts begins when the object has come to rest on its table and all is cleared away.
+    begin = max(_SETTLED, cleared_at(record))
     stages = {
         name: _stages(record, estimator, true, model)
         for name, estimator in record.estimators.items()
@@ -150,15 +157,16 @@ def evaluate(record: EpisodeRecord) -> Results:
         "target": target_name(scenario),
         "estimator": first,
         "stages": stages[first],
-        "object_moved": _moved(true) if scenario.station == "robots" else None,
+        "object_moved": _moved(true, begin) if scenario.station == "robots" else None,
     }
     summary: dict[str, Any] = {"pose": pose, "modalities": modalities}
-    density = record.station_values("cheat_clutter_density")
-    if density:
-        summary["clutter"] = {"objects": object_names(scenario), "density": asdict(density[0])}
+    if scenario.clutter.count:
+        summary["clutter"] = {**declutter_summary(record), "stages": stages[first]}
     is_known = bool(np.isfinite(true).all())
     return Results(
-        failure="the object fell over" if _fell(true) else _task_failure(record, stages[first]),
+        failure="the object fell over"
+        if _fell(true, begin)
+        else _task_failure(record, stages[first]),
         judged=is_known,
         estimates=table,
         summary=summary,
@@ -166,6 +174,7 @@ def evaluate(record: EpisodeRecord) -> Results:
             "stages.png": partial(draw_stages, stages, scenario.seed),
             "gains.png": partial(_draw_gains, record, stages[first], model),
             "claim.png": partial(draw_claim, stages, scenario.seed, _CLAIMED),
+            **step_pictures(record),
         }
         if is_known
         else {},
@@ -202,7 +211,8 @@ def _draw_gains(
 
 
 def _report(summary: Mapping[str, Any]) -> list[str]:
-    lines = [f"Pose of the {summary['pose']['target']}:"]
+    lines = declutter_report(summary["clutter"]) if "clutter" in summary else []
+    lines.append(f"Pose of the {summary['pose']['target']}:")
     for name, found in summary["modalities"].items():
         for stage in found["stages"]:
             what = f"{stage['stage']} {stage['acquisitions'] or ''}".strip()

@@ -1,0 +1,136 @@
+"""What clearing the way comes to: the actions, what they did, and what moved besides."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from crossmodal.diagrams.clutter.results.graph_picture import graph_picture
+from crossmodal.diagrams.clutter.scenario import object_names
+from crossmodal.diagrams.run.record import EpisodeRecord
+from crossmodal.systems.port_values import (
+    NO_PROGRESS,
+    DeclutterAction,
+    DeclutterGraph,
+    DeclutterProgress,
+    DeclutterStep,
+    ObjectMasks,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+# What one does, and how the other ends, where all goes well.
+_DONE = {DeclutterAction.GRASP: "placed", DeclutterAction.PUSH: "pushed"}
+
+
+def declutter_summary(record: EpisodeRecord) -> dict[str, Any]:
+    """What `summary.json` says of it, SI: the objects, the actions in order, why it ended.
+
+    An action worked if its object is not where it was any more, and all went well.
+    `target_moved` is how far the target was truly moved by all actions, `target_noticed` whether
+    an image showed that it was.
+    """
+    progress = _progress(record)
+    targets = {graph.vertices[0].segment.number for graph in _graphs(record) if graph.vertices}
+    density = record.station_values("cheat_clutter_density")
+    return {
+        "objects": object_names(record.scenario),
+        "density": asdict(density[0]) if density else None,
+        "actions": [_action(progress, k) for k in range(len(progress.steps))],
+        "target_found": progress.found,
+        "ended": progress.why or ("the target is free" if progress.done else "not yet"),
+        "target_moved": _target_moved(record),
+        "target_noticed": any(targets & set(step.others) for step in progress.steps),
+    }
+
+
+def cleared_at(record: EpisodeRecord) -> int:
+    """Index of the tick from which on no more is cleared away; zero where nothing was."""
+    for k, tick in enumerate(record.station):
+        if tick.values.get("declutter_progress", NO_PROGRESS).done:
+            return k
+    return 0
+
+
+def succeeded(step: DeclutterStep) -> bool:
+    """Whether an action did what it was to do."""
+    return step.worked and step.outcome == _DONE[step.action]
+
+
+def step_pictures(record: EpisodeRecord) -> dict[str, "Callable[[], Figure]"]:
+    """A picture of each image by which something was decided, by file name."""
+    masks: dict[int, ObjectMasks] = {m.number: m for m in record.station_values("object_masks")}
+    steps = iter(_progress(record).steps)
+    pictures = {}
+    for graph in _graphs(record):
+        title = graph.why
+        if graph.next >= 0:
+            step = next(steps, None)
+            title = "not judged" if step is None else _in_words(step)
+        draw = partial(_picture, graph, masks.get(graph.number), title)
+        pictures[f"step-{len(pictures) + 1:02d}.png"] = draw
+    return pictures
+
+
+def _progress(record: EpisodeRecord) -> DeclutterProgress:
+    values: list[DeclutterProgress] = record.station_values("declutter_progress")
+    return values[-1] if values else NO_PROGRESS
+
+
+def _graphs(record: EpisodeRecord) -> list[DeclutterGraph]:
+    """All that were made until the target was free."""
+    end = cleared_at(record) + 1 if _progress(record).done else None
+    graphs = record.station_values("declutter_graph")[:end]
+    return list({graph.number: graph for graph in graphs if graph.number > 0}.values())
+
+
+def _action(progress: DeclutterProgress, k: int) -> dict[str, Any]:
+    step = progress.steps[k]
+    kind = (step.object, step.action)
+    alike = [s for s in progress.steps[: k + 1] if (s.object, s.action) == kind]
+    gone = not np.isfinite(step.displacement)
+    return {
+        "object": step.name or "unknown",
+        "number": step.object,
+        "kind": str(step.action),
+        "outcome": step.outcome,
+        "tries": len(alike),
+        "success": succeeded(step),
+        "displacement": None if gone else step.displacement,
+        "others_moved": list(step.others),
+    }
+
+
+def _target_moved(record: EpisodeRecord) -> float | None:
+    """From the begin to when no more is cleared away, [m]; None where the truth is not known."""
+    poses = record.station_values("cheat_object_pose")
+    if not poses:
+        return None
+    end = poses[cleared_at(record)] if _progress(record).done else poses[-1]
+    return float(np.linalg.norm(end.translation() - poses[0].translation()))
+
+
+def _in_words(step: DeclutterStep) -> str:
+    moved = "is not seen any more"
+    if np.isfinite(step.displacement):
+        moved = f"went {100.0 * step.displacement:.0f} cm"
+    others = f", moved {', '.join(map(str, step.others))}, too" if step.others else ""
+    return f"{step.action} of {step.object} {step.name}: {step.outcome}; {moved}{others}"
+
+
+def _picture(graph: DeclutterGraph, masks: ObjectMasks | None, title: str) -> "Figure":
+    figure = graph_picture(graph, None if masks is None else masks.colour)
+    figure.suptitle(title)
+    return figure
+
+
+def declutter_report(clutter: Mapping[str, Any]) -> list[str]:
+    """What a person reads of it after a run, from what `declutter_summary` gave."""
+    lines = [f"{len(clutter['objects'])} objects around the target:"]
+    for action in clutter["actions"]:
+        how = "done" if action["success"] else "failed"
+        lines.append(f"  {action['kind']} of the {action['object']}: {action['outcome']} ({how})")
+    return [*lines, f"  {clutter['ended']}"]

@@ -55,12 +55,12 @@ class LookState(Immutable):
 
 
 class Look(ArmTask):
-    """Goes to each view that is wanted, and home when a touch is wanted.
+    """Goes to each view that is wanted, and home when a touch or nothing is wanted.
 
     Input ports:
     - those of `ArmTask`.
     - `view_latest`: with `number` and `X_WC` (4, 4) of the view that is wanted, and the box
-      `box_edges`, `X_WB` that holds the object.
+      `box_edges`, `X_WB` that holds the object; or with `home`, if the camera is to be away.
     - `touch_latest`: with `number` and `done`; while a touch is wanted, the arm stays at home.
 
     Output ports:
@@ -117,7 +117,7 @@ class Look(ArmTask):
         if state.phase is LookPhase.MOVE:
             return replace(state, phase=LookPhase.LOOK, looked=state.number)
         touch, view = self._touch.Eval(context), self._view.Eval(context)
-        if touch.number > 0 or touch.done:
+        if touch.number > 0 or touch.done or view.home:
             return self._home(context, state)
         if view.number > state.number:
             return self._begin(context, state, view)

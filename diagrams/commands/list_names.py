@@ -31,6 +31,7 @@ def list_command() -> None:
             _line(name, ablation.flow, width)
         typer.echo("Networks (crossmodal train NAME):")
         _line("hand-bending", "the soft hand's bending from wrench and air pressure", width)
+        _line("segmentation", "which object each pixel of an image of the table shows", width)
 
 
 def _line(name: str, text: str, width: int) -> None:

@@ -19,6 +19,7 @@ from crossmodal.systems.active.occupancy_grid import (
 )
 from crossmodal.systems.port_values import (
     NO_MEASUREMENT,
+    NO_PRIOR,
     NO_VIEW,
     UNKNOWN_POSE,
     ObjectPose,
@@ -136,8 +137,7 @@ class ViewPlanner(RecursiveFilter):
             )
         self._config, self._model, self._seed = config, model, seed
         self._can_look = can_look
-        guess = PosePrior(X=np.eye(4), rotation_sigma=np.inf, translation_sigma=1.0)
-        self._guess = self._declare_value_input("pose_guess", guess)
+        self._guess = self._declare_value_input("pose_guess", NO_PRIOR)
         self._measurement = self._declare_value_input("pose_measurement", NO_MEASUREMENT)
         self._pose = self._declare_value_input("object_pose", UNKNOWN_POSE)
         self._declare_recursion(ViewPlannerState(), self._calc, period)
@@ -150,6 +150,9 @@ class ViewPlanner(RecursiveFilter):
         taken = new.number if new.kind == "view" else state.seen
         if grid is None:
             guess: PosePrior = self._read(self._guess, context)
+            if not guess.given:
+                unchanged: ViewPlannerState = state
+                return unchanged
             radius = self._model.radius
             half = radius + 2.0 * min(guess.translation_sigma, radius)
             grid = empty_grid(of_middle(guess.X, self._model.middle)[:3, 3], half, config.cell)

@@ -14,6 +14,7 @@ from crossmodal.systems.port_values import (
     DeclutterGraph,
     Grasps,
     Segments,
+    Tries,
 )
 from crossmodal.systems.recursive_filter import RecursiveFilter
 
@@ -21,15 +22,13 @@ from crossmodal.systems.recursive_filter import RecursiveFilter
 class DeclutterPlanner(RecursiveFilter):
     """Makes the declutter graph whenever a new image has been segmented.
 
-    What has failed is read then: after an action, whatever came of it, there is a new image.
-
     Input ports:
     - `segments`: `Segments`, all objects in the last image, whose number tells that it is new;
       places in W, [m].
     - `grasps`: `Grasps` of an image, each quality clipped to 0 to 1; the graph waits for those of
       its own image. May stay unconnected, then nothing can be grasped.
-    - `tries`: `Tries`, how often which action has failed on which object. May stay unconnected,
-      then none has.
+    - `tries`: `Tries`, how often which action has failed on which object; the graph waits for those
+      that were counted up to its image. May stay unconnected, then none has.
 
     Output ports:
     - `declutter_graph`: `DeclutterGraph` of the last tick, from the state alone; `NO_GRAPH` before
@@ -62,10 +61,10 @@ class DeclutterPlanner(RecursiveFilter):
         before: DeclutterGraph = graph
         scene: Segments = self._read(self._segments, context)
         found: Grasps | None = self._read_optional(self._grasps, context)
-        waits = found is not None and found.number != scene.number
+        tries: Tries | None = self._read_optional(self._tries, context)
+        waits = any(of is not None and of.number != scene.number for of in (found, tries))
         if scene.number == before.number or waits:
             return before
-        tries = self._read_optional(self._tries, context) or NO_TRIES
         grasps = found or NO_GRASPS
         qualities = {number: grasps.best(number) for number in grasps.grasps}
-        return declutter_graph(scene, self._target, qualities, tries, self._config)
+        return declutter_graph(scene, self._target, qualities, tries or NO_TRIES, self._config)

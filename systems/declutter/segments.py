@@ -11,9 +11,10 @@ from itertools import count, product
 import cv2
 import numpy as np
 import shapely
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy.optimize import linear_sum_assignment
 
-from crossmodal.maths.arrays import Array, Mask
+from crossmodal.maths.arrays import Array, Ids, Mask
 from crossmodal.maths.pinhole import Intrinsics
 from crossmodal.systems.port_values import Segment
 
@@ -87,15 +88,21 @@ def segment_of_mask(
     Raises:
         ValueError: for a mask without a pixel, and where a pixel's ray misses the table.
     """
-    heights = np.full(mask.shape, np.nan)
+    pixels = outline(mask)
+    # Heights are only needed in the part of the image that shows the object.
+    u, v, width, height = cv2.boundingRect(mask.astype(np.uint8))
+    window = np.s_[v : v + height, u : u + width]
+    heights = np.full((height, width), np.nan)
     if depth is not None:
-        heights = _heights(mask, intrinsics, X_WC, table, depth)
+        part = replace(
+            intrinsics, center_x=intrinsics.center_x - u, center_y=intrinsics.center_y - v
+        )
+        heights = _heights(mask[window], part, X_WC, table, depth[window])
 
     def place(uv: Array) -> Array:
-        z = [_median_around(heights, corner) for corner in uv.round().astype(int)]
-        return on_plane(uv, intrinsics, X_WC, table + np.nan_to_num(np.array(z)))
+        z = _medians_around(heights, uv.round().astype(int) - (u, v))
+        return on_plane(uv, intrinsics, X_WC, table + np.nan_to_num(z))
 
-    pixels = outline(mask)
     contour = shapely.transform(pixels, place)
     known = heights[np.isfinite(heights)]
     return Segment(
@@ -123,11 +130,15 @@ def _heights(mask: Mask, intrinsics: Intrinsics, X_WC: Array, table: float, dept
     return heights
 
 
-def _median_around(heights: Array, corner: Array) -> float:
-    u, v = np.maximum(corner - _AROUND, 0)
-    near = heights[v : corner[1] + _AROUND + 1, u : corner[0] + _AROUND + 1]
-    known = near[np.isfinite(near)]
-    return float(np.median(known)) if known.size else np.nan
+def _medians_around(heights: Array, corners: Ids) -> Array:
+    """Medians (N,) of the known heights around pixels (N, 2); NaN where none is known."""
+    side = 2 * _AROUND + 1
+    windows = sliding_window_view(np.pad(heights, _AROUND, constant_values=np.nan), (side, side))
+    u, v = np.clip(corners, 0, np.array(heights.shape[::-1]) - 1).T
+    near = np.sort(windows[v, u].reshape(len(corners), -1), axis=1)  # NaN comes last.
+    known = np.isfinite(near).sum(axis=1)
+    middle = np.stack([np.maximum(known - 1, 0) // 2, known // 2], axis=1)
+    return np.asarray(np.take_along_axis(near, middle, axis=1).mean(axis=1))
 
 
 def with_known_numbers(

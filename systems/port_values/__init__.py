@@ -27,12 +27,15 @@ from crossmodal.systems.port_values.declutter import (
     NO_GRAPH,
     NO_GRASPS,
     NO_MASKS,
+    NO_PROGRESS,
     NO_PUSH,
     NO_SEGMENTS,
     NO_TRIES,
     ActionRequest,
     DeclutterAction,
     DeclutterGraph,
+    DeclutterProgress,
+    DeclutterStep,
     DeclutterVertex,
     Grasp,
     Grasps,
@@ -82,6 +85,7 @@ from crossmodal.systems.port_values.motions import (
 )
 from crossmodal.systems.port_values.pose import (
     NO_MEASUREMENT,
+    NO_PRIOR,
     NO_TOUCH,
     NO_VIEW,
     UNKNOWN_POSE,

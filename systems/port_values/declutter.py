@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 import numpy as np
+import numpy.typing as npt
 import shapely
 
 from crossmodal.maths.arrays import Array, Ids, unknown
@@ -120,9 +121,11 @@ class Tries(Immutable):
     """How often each action has failed on each object.
 
     Attributes:
+        number: Of the image up to which they were counted.
         failed: Counts by the object's number and the action.
     """
 
+    number: int = 0
     failed: Mapping[tuple[int, DeclutterAction], int] = field(default_factory=dict)
 
     def count(self, number: int, action: DeclutterAction) -> int:
@@ -256,6 +259,46 @@ class ActionRequest(Immutable):
     done: bool = False
 
 
+@dataclass(frozen=True, kw_only=True)
+class DeclutterStep(Immutable):
+    """What came of an action, by the images before and after it.
+
+    Attributes:
+        object: Number of the object.
+        name: Of its class; empty for none.
+        action: By which it was to be taken away.
+        outcome: What the arm says of it.
+        displacement: How far it has gone, [m]; infinite if it is not seen any more.
+        worked: Whether it was moved.
+        others: Numbers of the others that were moved, too.
+    """
+
+    object: int
+    name: str
+    action: DeclutterAction
+    outcome: str
+    displacement: float
+    worked: bool
+    others: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class DeclutterProgress(Immutable):
+    """What was done to free the target.
+
+    Attributes:
+        steps: All actions that were judged.
+        done: Whether no more follow.
+        found: Whether the target was seen in the last image.
+        why: Why it ended, in words; empty if the target is free or nothing was to be cleared.
+    """
+
+    steps: tuple[DeclutterStep, ...] = ()
+    done: bool = False
+    found: bool = False
+    why: str = ""
+
+
 NO_ACTION = ActionRequest()
 
 
@@ -265,6 +308,8 @@ class ObjectMasks(Immutable):
 
     Attributes:
         number: Of the image, as in `Segments`.
+        view: Number of the view that it was taken at; zero before the first one.
+        colour: Red, green and blue (H, W, 3), as seen.
         objects: Number of the object that each pixel shows (H, W); -1 where none.
         depth: (H, W) along the camera's axis, [m]; zero where none was measured.
         intrinsics: Of the image; None before the first one.
@@ -272,6 +317,8 @@ class ObjectMasks(Immutable):
     """
 
     number: int = 0
+    view: int = 0
+    colour: npt.NDArray[np.uint8] = field(default_factory=lambda: np.zeros((0, 0, 3), np.uint8))
     objects: Ids = field(default_factory=lambda: np.full((0, 0), -1))
     depth: Array = field(default_factory=lambda: np.zeros((0, 0)))
     intrinsics: Intrinsics | None = None
@@ -279,3 +326,4 @@ class ObjectMasks(Immutable):
 
 
 NO_MASKS = ObjectMasks()
+NO_PROGRESS = DeclutterProgress()

@@ -19,17 +19,22 @@ class PosePrior(Immutable):
         rotation_sigma: Standard deviation of each component of the rotation vector, [rad]; infinite
             where the object may be turned in any way.
         translation_sigma: Of each coordinate of the object's middle, [m].
+        given: Whether it is known by now; nothing is looked at or touched before.
     """
 
     X: Array
     rotation_sigma: float
     translation_sigma: float
+    given: bool = True
 
     @property
     def information(self) -> Array:
         """Of rotation in O and translation of the middle in W (6, 6)."""
         sigma = np.repeat([self.rotation_sigma, self.translation_sigma], 3)
         return np.diag(sigma**-2.0)
+
+
+NO_PRIOR = PosePrior(X=np.eye(4), rotation_sigma=np.inf, translation_sigma=1.0, given=False)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -233,6 +238,7 @@ class ViewRequest(Immutable):
         X_WC: Of the camera (4, 4).
         box_edges: Edges (3,) of a box that is thought to hold the object, [m].
         X_WB: Pose (4, 4) of that box, its middle.
+        home: Whether no view is wanted, and the camera is to be out of the way.
         gain: By how much the view is expected to lower the entropy of the occupancy grid, [bit].
         candidates: X_WC (V, 4, 4) among which it was chosen.
         gains: Of these (V,), [bit].
@@ -243,6 +249,7 @@ class ViewRequest(Immutable):
     X_WC: Array = field(default_factory=lambda: np.eye(4))
     box_edges: Array = field(default_factory=lambda: np.zeros(3))
     X_WB: Array = field(default_factory=lambda: np.eye(4))
+    home: bool = False
     gain: float = np.nan
     candidates: Array = field(default_factory=lambda: np.zeros((0, 4, 4)))
     gains: Array = field(default_factory=lambda: np.zeros(0))

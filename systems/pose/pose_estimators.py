@@ -12,6 +12,7 @@ from crossmodal.maths.arrays import Array
 from crossmodal.maths.immutable import Immutable
 from crossmodal.systems.port_values import (
     NO_MEASUREMENT,
+    NO_PRIOR,
     UNKNOWN_POSE,
     ObjectPose,
     PoseMeasurement,
@@ -116,8 +117,7 @@ class PoseEstimator(RecursiveFilter):
     ) -> None:
         super().__init__()
         self._model, self._infer, self._moved = model, infer, moved
-        guess = PosePrior(X=np.eye(4), rotation_sigma=np.inf, translation_sigma=1.0)
-        self._guess = self._declare_value_input("pose_guess", guess)
+        self._guess = self._declare_value_input("pose_guess", NO_PRIOR)
         self._measurement = self._declare_value_input("pose_measurement", NO_MEASUREMENT)
         self._declare_recursion(PoseState(evidence=Evidence(table=table)), self._calc, period)
         self._declare_estimated("object_pose_estimated", lambda state: state.belief)
@@ -125,10 +125,11 @@ class PoseEstimator(RecursiveFilter):
 
     def _calc(self, context: Context, state: Any) -> PoseState:
         new: PoseMeasurement = self._read(self._measurement, context)
-        if state.belief.known and new.number == state.number:
+        guess: PosePrior = self._read(self._guess, context)
+        if not guess.given or (state.belief.known and new.number == state.number):
             unchanged: PoseState = state
             return unchanged
-        evidence, guess = state.evidence, self._read(self._guess, context)
+        evidence = state.evidence
         is_pushed = new.kind == "touch" and len(new.points) > 0
         if is_pushed and self._moved > 0.0 and evidence.table is not None:
             twists = motions_on_a_table(evidence.table, guess, self._model, self._moved)

@@ -1,6 +1,6 @@
 """Turns what camera and taxels give into measurements of an object's pose, one after the other."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from crossmodal.maths.pinhole import Intrinsics
 from crossmodal.systems.arm_pose import ArmPose
 from crossmodal.systems.port_values import (
     NO_MEASUREMENT,
+    NO_PRIOR,
     PoseMeasurement,
     PosePrior,
     StampedImage,
@@ -165,8 +166,7 @@ class PoseMeasurements(RecursiveFilter):
         self._errors = Displacements(camera=camera, taxels=taxels)
         self._nowhere = np.zeros_like(self._errors.touch(np.zeros(taxels.arm.num_joints)))
         self._noise, self._height, self._config = noise, height, config
-        guess = PosePrior(X=np.eye(4), rotation_sigma=np.inf, translation_sigma=1.0)
-        self._guess = self._declare_value_input("pose_guess", guess)
+        self._guess = self._declare_value_input("pose_guess", NO_PRIOR)
         image = StampedImage(time=0.0, image=ImageDepth32F())
         self._depth = self._declare_value_input("depth_measured", image)
         self._mask = self._declare_value_input("robot_mask", ImageGrey8U())
@@ -183,6 +183,8 @@ class PoseMeasurements(RecursiveFilter):
         number = state.measurement.number + 1
         looked = int(self._read(self._looked, context)[0])
         unreachable = int(self._read(self._unreachable, context)[0])
+        if not self._read(self._guess, context).given:
+            return replace(state, view=max(looked, unreachable))
         if looked > state.view:
             return MeasurementsState(
                 measurement=self._view(context, number), view=looked, touch=state.touch

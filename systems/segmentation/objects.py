@@ -7,7 +7,7 @@ from itertools import combinations
 import cv2
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import coo_array
+from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from crossmodal.maths.arrays import Array, Mask
@@ -90,19 +90,41 @@ def seen_objects(
         config: Of objects.
     """
     usable = np.ones(classes.shape, bool) if masked is None else ~masked
-    filled = _filled(depth)
-    found = []
-    for index, name in enumerate(CLASSES[1:-1], start=1):
-        mask = (classes == index) & usable
-        split = np.inf if name in TRANSPARENT else config.step  # Depth is of what is behind.
-        for part in _single_objects(mask, filled, classes != _TABLE, split, config.least):
-            found.append(SeenObject(name=name, mask=part))
+    filled, kernel = _filled(depth), np.ones((3, 3), np.uint8)
+    scene = _Scene(
+        depth=filled,
+        steps=cv2.dilate(filled, kernel) - cv2.erode(filled, kernel),
+        things=classes != _TABLE,
+        least=config.least * classes.size,
+    )
     # NaN is not above anything.
     rises = _without_rims((classes == _TABLE) & usable & (heights > config.rise))
-    unknown = ((classes == CLASSES.index(OTHER)) & usable) | rises
-    for part in _single_objects(unknown, filled, classes != _TABLE, config.step, config.least):
-        found.append(SeenObject(name="", mask=part))
+    found = []
+    for index, name in enumerate(CLASSES[1:], start=1):
+        mask = (classes == index) & usable
+        if name == OTHER:
+            mask |= rises
+        split = np.inf if name in TRANSPARENT else config.step  # Depth is of what is behind.
+        for one in _single_objects(mask, scene, split):
+            found.append(SeenObject(name="" if name == OTHER else name, mask=one))
     return found
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Scene:
+    """What is known of an image beside its classes.
+
+    Attributes:
+        depth: `_filled` (H, W), [m].
+        steps: Between each pixel's neighbours (H, W), [m].
+        things: Pixels (H, W) that show any object.
+        least: Pixels of an object.
+    """
+
+    depth: npt.NDArray[np.float32]
+    steps: npt.NDArray[np.float32]
+    things: Mask
+    least: float
 
 
 def _without_rims(mask: Mask) -> Mask:
@@ -131,43 +153,37 @@ def _nearest(mask: Mask) -> npt.NDArray[np.int64]:
     return np.asarray(of_label[labels])
 
 
-def _single_objects(
-    mask: Mask, depth: npt.NDArray[np.float32], things: Mask, step: float, least: float
-) -> list[Mask]:
+def _single_objects(mask: Mask, scene: _Scene, step: float) -> list[Mask]:
     """Masks of the single objects in the mask of a class, without what is too small.
 
     Args:
         mask: (H, W).
-        depth: `_filled`.
-        things: Pixels (H, W) that show any object.
+        scene: With which it goes.
         step: Of depth between two objects, [m].
-        least: Share of the image of an object.
     """
-    least_pixels = least * mask.size
-    if np.count_nonzero(mask) < least_pixels:
+    if np.count_nonzero(mask) < scene.least:
         return []
-    kernel = np.ones((3, 3), np.uint8)
-    steps = cv2.dilate(depth, kernel) - cv2.erode(depth, kernel)
-    inside = mask & (steps < step)
-    count, labels, facts, _ = cv2.connectedComponentsWithStats(inside.astype(np.uint8))
-    large = [k for k in range(1, count) if facts[k, cv2.CC_STAT_AREA] >= 0.5 * least_pixels]
+    u, v, width, height = cv2.boundingRect(mask.astype(np.uint8))
+    window = slice(v, v + height), slice(u, u + width)
+    inside = mask[window]
+    count, labels, facts, _ = cv2.connectedComponentsWithStats(
+        (inside & (scene.steps[window] < step)).astype(np.uint8)
+    )
+    # What is narrower than the rims at steps belongs to what is beside it.
+    large = [k for k in range(1, count) if facts[k, cv2.CC_STAT_AREA] >= 0.5 * scene.least]
     if not large:
         return []
-    kept = np.isin(labels, large)
-    parts = np.where(mask, labels.ravel()[_nearest(kept)], 0)
-    masks = [parts == k for k in large]
-    pairs = [
-        (i, j)
-        for (i, one), (j, other) in combinations(enumerate(masks), 2)
-        if _hidden_between(one, other, things & ~mask, depth)
-    ]
-    i, j = np.array(pairs, int).reshape(-1, 2).T
-    links = coo_array((np.ones(len(i)), (i, j)), shape=(len(masks), len(masks)))
-    joined, group = connected_components(links, directed=False)
-    objects = [
-        np.any([masks[k] for k in np.flatnonzero(group == g)], axis=0) for g in range(joined)
-    ]
-    return [one for one in objects if np.count_nonzero(one) >= least_pixels]
+    parts = np.where(inside, labels.ravel()[_nearest(np.isin(labels, large))], 0)
+    masks = np.array([parts == k for k in large])
+    depth, between = scene.depth[window], scene.things[window] & ~inside
+    linked = np.zeros((len(masks), len(masks)), bool)
+    for i, j in combinations(range(len(masks)), 2):
+        linked[i, j] = _hidden_between(masks[i], masks[j], between, depth)
+    number, group = connected_components(csr_array(linked), directed=False)
+    objects = np.zeros((number, *mask.shape), bool)
+    for one, k in zip(masks, group, strict=True):
+        objects[k][window] |= one
+    return [one for one in objects if np.count_nonzero(one) >= scene.least]
 
 
 def _hidden_between(one: Mask, other: Mask, things: Mask, depth: npt.NDArray[np.float32]) -> bool:

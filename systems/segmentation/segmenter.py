@@ -187,6 +187,8 @@ class Segmenter(RecursiveFilter):
             segments=Segments(number=count, time=image.time, segments=named),
             masks=ObjectMasks(
                 number=count,
+                view=looked,
+                colour=view.colour,
                 objects=objects,
                 depth=view.depth,
                 intrinsics=view.intrinsics,

@@ -26,7 +26,7 @@ def _convolution(n_in: int, n_out: int, size: int, stride: int = 1, groups: int 
     return nn.Sequential(
         nn.Conv2d(n_in, n_out, size, stride, size // 2, groups=groups, bias=False),
         nn.BatchNorm2d(n_out),
-        nn.ReLU(),
+        nn.ReLU(inplace=True),
     )
 
 
@@ -92,7 +92,8 @@ class SegmentationNetwork(nn.Module):
 def make_network(seed: int) -> SegmentationNetwork:
     """A network that has not learned anything yet."""
     torch.manual_seed(seed)
-    return SegmentationNetwork()
+    network: Any = SegmentationNetwork()
+    return network.to(memory_format=torch.channels_last)
 
 
 def export(network: SegmentationNetwork, file: Path) -> None:

@@ -1,6 +1,7 @@
 """Trains the segmentation network, scores it on scenes that it has not seen, and writes it."""
 
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -110,11 +111,10 @@ def train(
     from torch.nn.functional import cross_entropy, interpolate
 
     torch.set_num_threads(jobs)
-    network.to(memory_format=torch.channels_last)
     optimiser = torch.optim.AdamW(network.parameters(), _RATE, weight_decay=_DECAY)
     batches = len(images.colour) // batch
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, _RATE, total_steps=epochs * batches)
-    parts = {"network": network, "optimiser": optimiser, "schedule": schedule}
+    parts: dict[str, Any] = {"network": network, "optimiser": optimiser, "schedule": schedule}
     losses: list[float] = []
     if checkpoint is not None and checkpoint.exists():
         kept = torch.load(checkpoint, weights_only=True)
@@ -142,7 +142,7 @@ def train(
         if checkpoint is not None:
             kept = {name: part.state_dict() for name, part in parts.items()}
             kept["losses"] = losses
-            write_atomically(checkpoint, lambda path, kept=kept: torch.save(kept, path))
+            write_atomically(checkpoint, partial(torch.save, kept))
         yield losses[-1]
 
 

@@ -139,6 +139,19 @@ def test_it_goes_home_when_it_is_the_other_arms_turn(
     assert (trial.read("phase"), trial.number("is_away")) == ("", 1)
 
 
+def test_it_goes_home_when_no_view_is_wanted_and_comes_back(planner: MotionPlanner) -> None:
+    trial = Trial(planner)
+    trial.ask(FIRST)
+    trial.until(LookPhase.LOOK)
+    trial.ask(replace(FIRST, home=True))
+    trial.until(LookPhase.WAIT)
+    assert_array_equal(trial.q, PANDA_AWAY)
+    assert (trial.number("is_away"), trial.number("looked")) == (1, 1)
+    trial.ask(SECOND)
+    trial.until(LookPhase.LOOK)
+    assert (trial.number("is_away"), trial.number("looked")) == (0, 2)
+
+
 def test_without_a_way_home_it_says_so_and_stays(planner: MotionPlanner) -> None:
     trial = Trial(planner)
     trial.ask(FIRST)

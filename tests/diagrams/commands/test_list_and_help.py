@@ -18,7 +18,12 @@ def test_help_teaches_by_example_and_needs_no_heavy_import() -> None:
     )
     subprocess.run([sys.executable, "-c", code], check=True)
     names = ("list", "run", "replay", "evaluate", "ablate", "diagram", "train", "compare")
-    for command in ([], *([name] for name in names), ["train", "hand-bending"]):
+    for command in (
+        [],
+        *([name] for name in names),
+        ["train", "hand-bending"],
+        ["train", "segmentation"],
+    ):
         result = RUNNER.invoke(app, [*command, "--help"])
         assert result.exit_code == 0
         assert "crossmodal" in result.output

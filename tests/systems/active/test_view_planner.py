@@ -18,6 +18,8 @@ from crossmodal.systems.active.view_planner import (
 )
 from crossmodal.systems.port_values import (
     NO_MEASUREMENT,
+    NO_PRIOR,
+    NO_VIEW,
     UNKNOWN_POSE,
     PoseMeasurement,
     PosePrior,
@@ -87,18 +89,25 @@ def test_it_looks_at_the_object_from_all_sides() -> None:
         assert X[2, 1] < 0.0  # Its y points down.
 
 
-def test_the_second_view_is_from_the_other_side(model: TargetModel) -> None:
+def test_the_second_view_is_from_another_side(model: TargetModel) -> None:
     planner, context = start(model)
     first: ViewRequest = planner.GetOutputPort("view_latest").Eval(context)
     assert first.number == 1
     second = tick(planner, context, taken(first))
     assert second.number == 2
     assert second.gain == pytest.approx(second.gains.max())
-    assert first.X_WC[:2, 2] @ second.X_WC[:2, 2] < 0.0
+    assert first.X_WC[:2, 2] @ second.X_WC[:2, 2] < 1e-9  # A quarter turn away, at least.
     assert tick(planner, context, taken(first)) is second  # Nothing new has come.
     third = tick(planner, context, taken(second))
     assert third.number == 3
     assert tick(planner, context, taken(third)) is third
+
+
+def test_before_the_object_is_looked_for_no_view_is_wanted(model: TargetModel) -> None:
+    planner = ViewPlanner(model, ViewPlannerConfig(count=3), 0.1)
+    context = planner.CreateDefaultContext()
+    planner.GetInputPort("pose_guess").FixValue(context, AbstractValue.Make(NO_PRIOR))
+    assert tick(planner, context, NO_MEASUREMENT) is NO_VIEW
 
 
 def test_a_robot_gets_the_best_view_that_it_can_look_from(model: TargetModel) -> None:

@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import Context
 
-from crossmodal.systems.port_values import NO_MEASUREMENT, PoseMeasurement, PosePrior
+from crossmodal.systems.port_values import NO_MEASUREMENT, NO_PRIOR, PoseMeasurement, PosePrior
 from crossmodal.systems.pose.evidence import Evidence, Table
 from crossmodal.systems.pose.pose_belief import SolverConfig
 from crossmodal.systems.pose.pose_estimators import (
@@ -84,6 +84,13 @@ def test_it_reacts_in_the_same_tick_and_remembers_from_the_next_on(
     before = latest.Eval(context)
     estimator.ExecuteForcedEvents(context)
     assert latest.Eval(context) is before
+
+
+def test_before_the_object_is_looked_for_nothing_is_believed(model: TargetModel) -> None:
+    estimator, context = start(model, False)
+    estimator.GetInputPort("pose_guess").FixValue(context, AbstractValue.Make(NO_PRIOR))
+    measurement(estimator, context, measured(model, 1))
+    assert not estimator.GetOutputPort("object_pose_estimated").Eval(context).known
 
 
 def test_the_estimate_depends_on_its_inputs_and_the_latest_on_the_state_alone(

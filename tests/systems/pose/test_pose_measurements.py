@@ -18,7 +18,13 @@ from crossmodal.plants.robots.arm_with_hand import make_arm_with_load
 from crossmodal.plants.robots.panda import PANDA_AWAY, PANDA_WITH_CAMERA
 from crossmodal.plants.robots.ur5 import UR5_HOME, UR5_WITH_GRIPPER
 from crossmodal.systems.arm_pose import ArmPose
-from crossmodal.systems.port_values import PoseMeasurement, PosePrior, StampedImage
+from crossmodal.systems.port_values import (
+    NO_MEASUREMENT,
+    NO_PRIOR,
+    PoseMeasurement,
+    PosePrior,
+    StampedImage,
+)
 from crossmodal.systems.pose.pose_measurements import (
     CameraOnArm,
     Displacements,
@@ -124,6 +130,18 @@ def test_views_and_touches_are_numbered_as_they_come() -> None:
     assert (trial.tick().number, trial.tick().kind) == (5, "touch")
     widths = {one.displaced.shape[1] for one in (first, second, fourth, trial.tick())}
     assert widths == {WIDTH}
+
+
+def test_before_the_object_is_looked_for_views_do_not_count() -> None:
+    trial = Trial()
+    guess = trial.system.GetInputPort("pose_guess").Eval(trial.context)
+    trial.fix("pose_guess", NO_PRIOR)
+    trial.say("looked", 3)
+    assert trial.tick() is NO_MEASUREMENT
+    trial.fix("pose_guess", guess)
+    assert trial.tick() is NO_MEASUREMENT
+    trial.say("looked", 4)
+    assert (trial.tick().number, len(trial.tick().points) > 20) == (1, True)
 
 
 def test_a_view_is_what_its_image_shows() -> None:

@@ -1,0 +1,109 @@
+"""What is around an object: boxes that hold the others, free places; and where about it is."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.validation import number, numbers
+from crossmodal.systems.port_values import PosePrior, Segment, of_mesh
+from crossmodal.systems.pose.target_model import TargetModel
+
+
+@dataclass(kw_only=True)
+class AroundConfig:
+    """Of the table, and how far to keep away."""
+
+    # Two opposite corners, x and y in W, of the part of the table where objects may be put down.
+    corners: np.ndarray = numbers(
+        np.array([[0.3, -0.35], [0.7, 0.35]]), at_least=-10.0, at_most=10.0, unit="m", shape=(2, 2)
+    )
+    # Between places that are tried.
+    step: float = number(0.02, at_least=1e-3, at_most=1.0, unit="m")
+    # Least free way between objects.
+    margin: float = number(0.02, at_least=0.0, at_most=1.0, unit="m")
+    # Objects that are farther apart do not hang together.
+    near: float = number(0.1, at_least=0.0, at_most=10.0, unit="m")
+    # Height of an object of which none was measured.
+    unknown_top: float = number(0.3, above=0.0, at_most=2.0, unit="m")
+
+
+def top_of(segment: Segment, config: AroundConfig) -> float:
+    """Height of an object above the table, [m]."""
+    return segment.top if np.isfinite(segment.top) else config.unknown_top
+
+
+def boxes_around(
+    segments: Sequence[Segment], height: float, config: AroundConfig
+) -> tuple[tuple[Array, Array], ...]:
+    """Edges (3,) [m] and X_WB (4, 4) of the middle of a box around each object, from the table up.
+
+    Args:
+        segments: The objects.
+        height: Of the table in W, [m].
+        config: With the height of objects whose height is unknown.
+    """
+    boxes = []
+    for segment in segments:
+        corners = shapely.get_coordinates(segment.box)[:4]
+        along, across = corners[1] - corners[0], corners[3] - corners[0]
+        edges = np.array([np.linalg.norm(along), np.linalg.norm(across), top_of(segment, config)])
+        c, s = along / edges[0]
+        X_WB = np.eye(4)
+        X_WB[:2, :2] = [[c, -s], [s, c]]
+        X_WB[:3, 3] = [*corners.mean(axis=0), height + 0.5 * edges[2]]
+        boxes.append((edges, X_WB))
+    return tuple(boxes)
+
+
+def free_places(
+    segment: Segment, others: Sequence[Segment], target: Segment, config: AroundConfig
+) -> Array:
+    """Places (K, 2) where an object may be put down, turned in any way.
+
+    Those where it hangs on nothing come first, then the nearest one.
+
+    Args:
+        segment: The object.
+        others: All others, the target too.
+        target: From which it keeps away so far that it does not hang on it.
+        config: Of the table and of distances, [m].
+    """
+    low, high = config.corners
+    axes = [np.arange(a, b + 1e-9, config.step) for a, b in zip(low, high, strict=True)]
+    places = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
+    outline = shapely.get_coordinates(segment.contour)
+    reach = float(np.linalg.norm(outline - segment.centroid, axis=1).max())
+    points = shapely.points(places)
+    apart = np.min([shapely.distance(points, other.contour) for other in others], axis=0) - reach
+    free = (shapely.distance(points, target.contour) - reach > config.near) & (
+        apart > config.margin
+    )
+    far = np.linalg.norm(places - segment.centroid, axis=1)
+    order = np.lexsort((far, apart <= config.near))
+    return np.asarray(places[order[free[order]]])
+
+
+def guess_of(
+    segment: Segment, model: TargetModel, height: float, config: AroundConfig
+) -> PosePrior:
+    """Where about a known object is of which a part was seen; it may be turned in any way.
+
+    What was seen belongs to the object, so that the middle is at most its radius away: that is
+    taken for two standard deviations.
+
+    Args:
+        segment: The object.
+        model: Of it.
+        height: Of the table in W, [m].
+        config: With the height of objects whose height is unknown.
+    """
+    X_WM = np.eye(4)
+    X_WM[:3, 3] = [*segment.centroid, height + 0.5 * top_of(segment, config)]
+    return PosePrior(
+        X=of_mesh(X_WM, model.middle),
+        rotation_sigma=np.inf,
+        translation_sigma=0.5 * model.radius,
+    )

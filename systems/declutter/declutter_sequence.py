@@ -1,0 +1,301 @@
+"""The order of things in clutter: look, take away, look again, then seek the target's pose."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+import shapely
+from pydrake.common.value import Value
+from pydrake.systems.framework import Context
+
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.immutable import Immutable
+from crossmodal.maths.validation import check, number
+from crossmodal.systems.declutter.around import AroundConfig, boxes_around, free_places, guess_of
+from crossmodal.systems.declutter.declutter_graph import NO_TARGET, TARGET_FREE, find_target
+from crossmodal.systems.port_values import (
+    NO_ACTION,
+    NO_GRAPH,
+    NO_GRASPS,
+    NO_PRIOR,
+    NO_PROGRESS,
+    NO_SEGMENTS,
+    NO_TRIES,
+    NO_VIEW,
+    ActionRequest,
+    DeclutterAction,
+    DeclutterGraph,
+    DeclutterProgress,
+    DeclutterStep,
+    Grasps,
+    PosePrior,
+    Segment,
+    Segments,
+    Tries,
+    ViewRequest,
+)
+from crossmodal.systems.pose.target_model import TargetModel
+from crossmodal.systems.recursive_filter import RecursiveFilter
+
+TOO_MANY = "as many actions as are allowed"
+NO_VIEW_LEFT = "the camera gets to no view of the table"
+
+
+@dataclass(kw_only=True)
+class DeclutterSequenceConfig:
+    """How long it goes on, and what counts as moved."""
+
+    # Whether anything is taken away; otherwise the target's pose is sought at once.
+    clear: bool = True
+    # Of all objects together.
+    actions: int = number(30, at_least=0, at_most=1000)
+    # An object has been moved if it has gone as far; outlines of two images of one that rests
+    # differ by less.
+    moved: float = number(0.02, above=0.0, at_most=1.0, unit="m")
+    around: AroundConfig = field(default_factory=AroundConfig)
+
+
+class DeclutterPhase(StrEnum):
+    """What is done."""
+
+    LOOK = "looks at the table"
+    CLEAR = "clears the way"
+    POSE = "finds the target"
+
+
+@dataclass(frozen=True, kw_only=True)
+class SequenceState(Immutable):
+    """What was seen and done, and what is wanted.
+
+    Attributes:
+        phase: What is done.
+        view: That is wanted.
+        place: Index of the place from which the table is looked at.
+        looks: How often it was looked at.
+        request: The last action.
+        outcome: What the arm said of it; empty once it is judged.
+        scene: The last image that was judged.
+        decided: Number of the image after which was decided what to do.
+        tries: What has failed.
+        progress: What was done.
+        guess: Of the target's pose.
+        obstacles: Boxes that hold all but the target.
+    """
+
+    phase: DeclutterPhase = DeclutterPhase.LOOK
+    view: ViewRequest = NO_VIEW
+    place: int = 0
+    looks: int = 0
+    request: ActionRequest = NO_ACTION
+    outcome: str = ""
+    scene: Segments = NO_SEGMENTS
+    decided: int = 0
+    tries: Tries = NO_TRIES
+    progress: DeclutterProgress = NO_PROGRESS
+    guess: PosePrior = NO_PRIOR
+    obstacles: tuple[tuple[Array, Array], ...] = ()
+
+
+def displacement(number: int, before: Segments, after: Segments) -> float:
+    """How far what was seen of an object has left its place [m]; infinite if it is not seen now.
+
+    It is the farthest distance of the outline before from the one after, so that an object that
+    stays has gone nowhere when more of it is seen.
+
+    Raises:
+        KeyError: where it was not seen before.
+    """
+    was = {segment.number: segment for segment in before.segments}[number]
+    now = {segment.number: segment for segment in after.segments}.get(number)
+    if now is None:
+        return np.inf
+    corners = shapely.points(shapely.get_coordinates(was.contour))
+    return float(shapely.distance(now.contour, corners).max())
+
+
+def judge(
+    request: ActionRequest, outcome: str, before: Segments, after: Segments, moved: float
+) -> DeclutterStep:
+    """What came of an action, by what is seen before and after it.
+
+    Args:
+        request: The action.
+        outcome: What the arm says of it.
+        before: All objects.
+        after: All objects.
+        moved: A displacement that is more than what two images of a thing at rest differ by, [m].
+    """
+    shown = {segment.number for segment in before.segments}
+    displacements = {n: displacement(n, before, after) for n in shown}
+    own = displacements.pop(request.object)
+    name = next(s.name for s in before.segments if s.number == request.object)
+    others = tuple(sorted(n for n, d in displacements.items() if moved < d < np.inf))
+    return DeclutterStep(
+        object=request.object,
+        name=name,
+        action=request.action,
+        outcome=outcome,
+        displacement=own,
+        worked=own > moved,
+        others=others,
+    )
+
+
+class DeclutterSequence(RecursiveFilter):
+    """Looks at the table, has one object after the other taken away, then lets the pose be sought.
+
+    An action is judged by the next image, not by the arm alone; an object that was not moved by it
+    is remembered. Until the target is free, or nothing more can be done, no guess of its pose is
+    given, so that nobody chooses views or touches.
+
+    Input ports:
+    - `segments`: `Segments` of the last image; places in W, [m].
+    - `grasps`: `Grasps` of an image.
+    - `declutter_graph`: `DeclutterGraph` of an image.
+    - `action_end`: how the last action ended, with `number` and `outcome`.
+    - `unreachable`: (1,) number of the last view that the camera cannot get to.
+    - `view_planned`: `ViewRequest` for the target's pose, numbered from one on.
+
+    Output ports:
+    - `view_latest`: `ViewRequest`; those for the pose are numbered on from those of the table.
+    - `action_request`: `ActionRequest`.
+    - `tries`: `Tries`.
+    - `pose_guess`: `PosePrior` of the target; `NO_PRIOR` until its pose is to be sought.
+    - `obstacles`: boxes that hold all but the target, as in `ActionRequest`.
+    - `declutter_progress`: `DeclutterProgress`.
+
+    Frames: W world, C camera.
+    """
+
+    def __init__(
+        self,
+        target: str,
+        model: TargetModel,
+        height: float,
+        places: Sequence[Array],
+        table: ViewRequest,
+        config: DeclutterSequenceConfig,
+        period: float,
+    ) -> None:
+        """Makes the sequence.
+
+        Args:
+            target: Name of the target's class.
+            model: Of the target.
+            height: Of the table in W, [m].
+            places: X_WC (4, 4) from which all of the table is seen, the preferred one first.
+            table: With the box in which all objects are, around which the camera goes.
+            config: Of the sequence.
+            period: Of the ticks, [s].
+        """
+        super().__init__()
+        check(config, "DeclutterSequence")
+        if not len(places):
+            raise ValueError("DeclutterSequence: places is empty, but the table must be seen")
+        self._target, self._model, self._config = target, model, config
+        self._height = height
+        self._places, self._table = tuple(places), table
+        self._segments = self._declare_value_input("segments", NO_SEGMENTS)
+        self._grasps = self._declare_value_input("grasps", NO_GRASPS)
+        self._graph = self._declare_value_input("declutter_graph", NO_GRAPH)
+        self._end = self.DeclareAbstractInputPort("action_end", Value[object]())
+        self._unreachable = self.DeclareVectorInputPort("unreachable", 1)
+        self._planned = self._declare_value_input("view_planned", NO_VIEW)
+        self._declare_recursion(SequenceState(), self._calc, period)
+        self._declare_latest("view_latest", lambda state: state.view)
+        self._declare_latest("action_request", lambda state: state.request)
+        self._declare_latest("tries", lambda state: state.tries)
+        self._declare_latest("pose_guess", lambda state: state.guess)
+        self._declare_latest("obstacles", lambda state: state.obstacles)
+        self._declare_latest("declutter_progress", lambda state: state.progress)
+
+    def _calc(self, context: Context, state: Any) -> SequenceState:
+        if state.phase is DeclutterPhase.POSE:
+            planned: ViewRequest = self._read(self._planned, context)
+            view = replace(planned, number=planned.number + state.looks)
+            return replace(state, view=view) if planned.number > 0 else state
+        if state.phase is DeclutterPhase.CLEAR:
+            end = self._read(self._end, context)
+            ended = end.number == state.request.number
+            return self._look(replace(state, outcome=str(end.outcome))) if ended else state
+        if state.looks == 0:
+            return self._look(state)
+        if self._read(self._unreachable, context)[0] == state.view.number:
+            return self._look_elsewhere(state, NO_VIEW_LEFT)
+        scene: Segments = self._read(self._segments, context)
+        if scene.number > state.scene.number:
+            return self._judged(state, scene)
+        graph: DeclutterGraph = self._read(self._graph, context)
+        if graph.number == scene.number > state.decided:
+            return self._decide(context, replace(state, decided=scene.number), graph)
+        return state
+
+    def _look(self, state: SequenceState) -> SequenceState:
+        number, X_WC = state.looks + 1, self._places[state.place]
+        view = replace(self._table, number=number, X_WC=X_WC)
+        return replace(state, phase=DeclutterPhase.LOOK, looks=number, view=view)
+
+    def _look_elsewhere(self, state: SequenceState, why: str) -> SequenceState:
+        """Looks from the next place; without one, that is the end."""
+        if state.place + 1 == len(self._places):
+            return self._ended(state, why, None)
+        return self._look(replace(state, place=state.place + 1))
+
+    def _judged(self, state: SequenceState, scene: Segments) -> SequenceState:
+        """With what the last action, if there was one, has done."""
+        tries, progress = state.tries, state.progress
+        if state.outcome:
+            step = judge(state.request, state.outcome, state.scene, scene, self._config.moved)
+            progress = replace(progress, steps=(*progress.steps, step))
+            if not step.worked:
+                tries = tries.with_failure(step.object, step.action)
+        tries = replace(tries, number=scene.number)
+        return replace(state, scene=scene, outcome="", tries=tries, progress=progress)
+
+    def _decide(
+        self, context: Context, state: SequenceState, graph: DeclutterGraph
+    ) -> SequenceState:
+        target = find_target(state.scene.segments, self._target)
+        if target is None:
+            return self._look_elsewhere(state, NO_TARGET)
+        if not self._config.clear:
+            return self._ended(state, "", target)
+        if graph.next < 0:
+            return self._ended(state, "" if graph.why == TARGET_FREE else graph.why, target)
+        if len(state.progress.steps) >= self._config.actions:
+            return self._ended(state, TOO_MANY, target)
+        vertex = graph.vertex(graph.next)
+        others = [s for s in state.scene.segments if s.number != graph.next]
+        grasps: Grasps = self._read(self._grasps, context)
+        found = grasps.grasps.get(graph.next, ())
+        failed = state.tries.count(graph.next, DeclutterAction.GRASP)
+        is_grasp = vertex.action is DeclutterAction.GRASP
+        request = ActionRequest(
+            number=state.request.number + 1,
+            action=vertex.action or DeclutterAction.PUSH,
+            object=graph.next,
+            grasps=found[failed:] or found if is_grasp else (),
+            push=graph.push,
+            places=free_places(vertex.segment, others, target, self._config.around),
+            top=vertex.segment.top,
+            obstacles=boxes_around(others, self._height, self._config.around),
+        )
+        view = replace(state.view, home=True)
+        return replace(state, phase=DeclutterPhase.CLEAR, request=request, view=view)
+
+    def _ended(self, state: SequenceState, why: str, target: Segment | None) -> SequenceState:
+        """Lets the pose be sought, if the target was seen."""
+        others = [s for s in state.scene.segments if target is None or s.number != target.number]
+        around, guess = self._config.around, NO_PRIOR
+        if target is not None:
+            guess = guess_of(target, self._model, self._height, around)
+        return replace(
+            state,
+            phase=DeclutterPhase.POSE,
+            request=replace(state.request, done=True),
+            progress=replace(state.progress, done=True, found=target is not None, why=why),
+            guess=guess,
+            obstacles=boxes_around(others, self._height, around),
+        )

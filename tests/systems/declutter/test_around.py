@@ -1,0 +1,69 @@
+"""Boxes around objects, free places, and a guess of where an object is."""
+
+import numpy as np
+import pytest
+import shapely
+import trimesh
+from numpy.testing import assert_allclose
+
+from crossmodal.systems.declutter.around import (
+    AroundConfig,
+    boxes_around,
+    free_places,
+    guess_of,
+)
+from crossmodal.systems.port_values import Segment, of_middle
+from crossmodal.systems.pose.target_model import make_target
+from tests.systems.declutter.scenes import random_scene, rectangle
+
+CONFIG = AroundConfig()
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.7, -1.2])
+def test_a_box_holds_its_object_and_no_more(angle: float) -> None:
+    segment = rectangle(1, "can", (0.5, 0.1), (0.2, 0.06), angle)
+    ((edges, X_WB),) = boxes_around([segment], 0.01, CONFIG)
+    assert_allclose(sorted(edges), [0.06, 0.2, CONFIG.unknown_top], atol=1e-12)
+    assert_allclose(X_WB[:3, 3], [0.5, 0.1, 0.01 + 0.5 * CONFIG.unknown_top], atol=1e-12)
+    assert_allclose(X_WB[:3, :3] @ X_WB[:3, :3].T, np.eye(3), atol=1e-12)
+    corners = shapely.get_coordinates(segment.contour)[:4] - X_WB[:2, 3]
+    inside = np.abs(corners @ X_WB[:2, :2])
+    assert_allclose(inside, np.tile(0.5 * edges[:2], (4, 1)), atol=1e-12)
+
+
+def test_a_known_height_is_that_of_the_box() -> None:
+    segment = Segment(number=0, contour=shapely.box(0.0, 0.0, 0.1, 0.1), top=0.07)
+    ((edges, _),) = boxes_around([segment], 0.0, CONFIG)
+    assert edges[2] == pytest.approx(0.07)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_what_is_put_down_turned_in_any_way_keeps_its_distance(seed: int) -> None:
+    target, *others = random_scene(seed)
+    moved, *rest = others
+    places = free_places(moved, [target, *rest], target, CONFIG)
+    assert len(places) > 0
+    outline = shapely.get_coordinates(moved.contour) - moved.centroid
+    for place in places[:: max(len(places) // 20, 1)]:
+        for angle in np.linspace(0.0, np.pi, 7):
+            c, s = np.cos(angle), np.sin(angle)
+            there = shapely.Polygon(outline @ [[c, s], [-s, c]] + place)
+            assert there.distance(target.contour) > CONFIG.near
+            assert min(there.distance(other.contour) for other in rest) > CONFIG.margin
+
+
+def test_on_a_full_table_there_is_no_place() -> None:
+    target = rectangle(0, "can", (0.5, 0.0), (0.4, 0.7))
+    assert free_places(rectangle(1, "can", (0.9, 0.0)), [target], target, CONFIG).shape == (0, 2)
+
+
+def test_the_guess_is_about_the_middle() -> None:
+    mesh = trimesh.creation.box(extents=[0.06, 0.06, 0.2])
+    mesh.apply_translation([0.3, 0.2, 0.1])  # The mesh's frame is not its middle.
+    model = make_target(mesh.vertices, mesh.faces)
+    segment = Segment(number=0, contour=shapely.box(0.47, 0.07, 0.53, 0.13), top=0.2)
+    guess = guess_of(segment, model, 0.0, CONFIG)
+    assert_allclose(of_middle(guess.X, model.middle)[:3, 3], [0.5, 0.1, 0.1], atol=1e-6)
+    assert guess.rotation_sigma == np.inf
+    # A part that is seen at one end is explained.
+    assert model.radius <= 2.0 * guess.translation_sigma

@@ -1,0 +1,303 @@
+"""Looking, clearing and seeking, through the ports, on tables of rectangles."""
+
+from dataclasses import dataclass, field, replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import trimesh
+from pydrake.common.value import AbstractValue
+from pydrake.systems.framework import InputPortIndex, OutputPortIndex
+from shapely.affinity import translate
+
+from crossmodal.systems.declutter.declutter_graph import (
+    NO_TARGET,
+    NOTHING_LEFT,
+    DeclutterConfig,
+)
+from crossmodal.systems.declutter.declutter_planner import DeclutterPlanner
+from crossmodal.systems.declutter.declutter_sequence import (
+    NO_VIEW_LEFT,
+    TOO_MANY,
+    DeclutterSequence,
+    DeclutterSequenceConfig,
+    displacement,
+)
+from crossmodal.systems.port_values import (
+    NO_PRIOR,
+    NO_VIEW,
+    ActionRequest,
+    DeclutterAction,
+    DeclutterProgress,
+    Grasp,
+    Grasps,
+    Segment,
+    Segments,
+    ViewRequest,
+)
+from crossmodal.systems.pose.target_model import make_target
+from tests.documented_ports import documented_ports
+from tests.systems.declutter.scenes import image, rectangle
+
+PLACES = [np.eye(4), np.diag([1.0, -1.0, -1.0, 1.0])]
+TABLE = ViewRequest(box_edges=np.array([0.6, 0.8, 0.4]))
+
+
+def sequence(config: DeclutterSequenceConfig) -> DeclutterSequence:
+    box = trimesh.creation.box(extents=[0.04, 0.04, 0.2])
+    model = make_target(box.vertices, box.faces)
+    return DeclutterSequence("wineglass", model, 0.0, PLACES, TABLE, config, 0.1)
+
+
+@dataclass
+class Robot:
+    """Does what the sequence wants with rectangles, and shows what comes of it.
+
+    Attributes:
+        objects: By number, as they lie.
+        outcomes: Of the actions to come; each does what it is to do if none is left.
+        graspable: Numbers of objects that have grasps.
+        hidden: By the index of the place of the camera, objects that it does not show.
+        blind: Index of the places that the camera does not get to.
+    """
+
+    objects: dict[int, Segment]
+    outcomes: list[str] = field(default_factory=list)
+    graspable: tuple[int, ...] = ()
+    hidden: dict[int, tuple[int, ...]] = field(default_factory=dict)
+    blind: tuple[int, ...] = ()
+    config: DeclutterSequenceConfig = field(default_factory=DeclutterSequenceConfig)
+
+    def __post_init__(self) -> None:
+        self.system = sequence(self.config)
+        self.context = self.system.CreateDefaultContext()
+        self.planner = DeclutterPlanner("wineglass", DeclutterConfig(), 0.1)
+        self.planning = self.planner.CreateDefaultContext()
+        self.requests: list[ActionRequest] = []
+        self.views: list[ViewRequest] = []
+        self.fix("segments", Segments())
+        self.fix("grasps", Grasps())
+        self.fix("action_end", SimpleNamespace(number=0, outcome=""))
+        self.fix("view_planned", NO_VIEW)
+        self.system.GetInputPort("unreachable").FixValue(self.context, [0.0])
+        self.tick()
+
+    def fix(self, port: str, value: object) -> None:
+        self.system.GetInputPort(port).FixValue(self.context, AbstractValue.Make(value))
+
+    def read(self, port: str) -> object:
+        return self.system.GetOutputPort(port).Eval(self.context)
+
+    @property
+    def progress(self) -> DeclutterProgress:
+        found = self.read("declutter_progress")
+        assert isinstance(found, DeclutterProgress)
+        return found
+
+    def tick(self) -> None:
+        """Both systems tick, each with what the other one said before."""
+        for port in ("segments", "grasps"):
+            value = self.system.GetInputPort(port).Eval(self.context)
+            self.planner.GetInputPort(port).FixValue(self.planning, AbstractValue.Make(value))
+        tries = AbstractValue.Make(self.read("tries"))
+        self.planner.GetInputPort("tries").FixValue(self.planning, tries)
+        self.planner.ExecuteForcedEvents(self.planning)
+        graph = self.planner.GetOutputPort("declutter_graph").Eval(self.planning)
+        self.fix("declutter_graph", graph)
+        self.system.ExecuteForcedEvents(self.context)
+
+    def look(self, view: ViewRequest) -> None:
+        place = next(k for k, X_WC in enumerate(PLACES) if np.array_equal(X_WC, view.X_WC))
+        self.views.append(view)
+        if place in self.blind:
+            self.system.GetInputPort("unreachable").FixValue(self.context, [float(view.number)])
+            return
+        shown = [s for n, s in self.objects.items() if n not in self.hidden.get(place, ())]
+        self.fix("segments", image(*shown, number=view.number))
+        grasp = Grasp(X_WE=np.eye(4), width=0.05, quality=0.9)
+        grasps = {n: (grasp, replace(grasp, quality=0.5)) for n in self.graspable}
+        self.fix("grasps", Grasps(number=view.number, grasps=grasps))
+
+    def act(self, request: ActionRequest) -> None:
+        self.requests.append(request)
+        outcome = self.outcomes.pop(0) if self.outcomes else "done"
+        moved = self.objects[request.object]
+        if outcome == "done" and request.action is DeclutterAction.PUSH:
+            way = request.push.length * request.push.direction
+            self.objects[request.object] = replace(moved, contour=translate(moved.contour, *way))
+        elif outcome == "done":
+            way = request.places[0] - moved.centroid
+            self.objects[request.object] = replace(moved, contour=translate(moved.contour, *way))
+        elif outcome == "falls":
+            del self.objects[request.object]
+        self.fix("action_end", SimpleNamespace(number=request.number, outcome=outcome))
+
+    def run(self, ticks: int = 200) -> "Robot":
+        for _ in range(ticks):
+            view, request = self.read("view_latest"), self.read("action_request")
+            assert isinstance(view, ViewRequest)
+            assert isinstance(request, ActionRequest)
+            if self.progress.done:
+                return self
+            if view.home:
+                if request.number > len(self.requests):
+                    self.act(request)
+            elif view.number > len(self.views):
+                self.look(view)
+            self.tick()
+        raise AssertionError("it does not end")
+
+
+def row(*names: str) -> dict[int, Segment]:
+    """So many objects beside each other, 9 cm apart."""
+    return {k: rectangle(k, name, (0.5, 0.09 * k)) for k, name in enumerate(names)}
+
+
+def test_documented_ports_are_the_declared_ones() -> None:
+    system = sequence(DeclutterSequenceConfig())
+    inputs = [
+        system.get_input_port(InputPortIndex(i)).get_name() for i in range(system.num_input_ports())
+    ]
+    outputs = [
+        system.get_output_port(OutputPortIndex(i)).get_name()
+        for i in range(system.num_output_ports())
+    ]
+    assert documented_ports(DeclutterSequence.__doc__, "input") == inputs
+    assert documented_ports(DeclutterSequence.__doc__, "output") == outputs
+
+
+def test_a_target_that_stands_alone_is_sought_at_once() -> None:
+    robot = Robot(row("wineglass")).run()
+    assert (robot.requests, robot.progress.steps) == ([], ())
+    assert (robot.progress.found, robot.progress.why) == (True, "")
+    assert robot.read("pose_guess").given  # type: ignore[attr-defined]
+
+
+def test_until_the_way_is_clear_nothing_is_known_of_the_pose() -> None:
+    robot = Robot(row("wineglass", "can"))
+    assert robot.read("pose_guess") is NO_PRIOR
+    robot.look(robot.read("view_latest"))  # type: ignore[arg-type]
+    for _ in range(4):
+        robot.tick()
+    assert robot.read("view_latest").home  # type: ignore[attr-defined]
+    assert robot.read("pose_guess") is NO_PRIOR
+
+
+@pytest.mark.parametrize("graspable", [(), (1, 2)])
+def test_one_object_after_the_other_is_taken_away(graspable: tuple[int, ...]) -> None:
+    robot = Robot(row("wineglass", "can", "sponge"), graspable=graspable).run()
+    action = DeclutterAction.GRASP if graspable else DeclutterAction.PUSH
+    assert [(r.object, r.action, r.number) for r in robot.requests] == [
+        (2, action, 1),
+        (1, action, 2),
+    ]
+    assert [(s.object, s.name, s.worked) for s in robot.progress.steps] == [
+        (2, "sponge", True),
+        (1, "can", True),
+    ]
+    assert (robot.progress.found, robot.progress.why) == (True, "")
+    assert len(robot.views) == 3
+    assert len(robot.read("obstacles")) == 2  # type: ignore[arg-type]
+
+
+def test_a_request_has_what_the_arm_needs() -> None:
+    robot = Robot(row("wineglass", "can"), graspable=(1,)).run()
+    (request,) = robot.requests
+    assert [grasp.quality for grasp in request.grasps] == [0.9, 0.5]
+    assert len(request.obstacles) == 1  # The target; the object itself is none.
+    assert len(request.places) > 0
+
+
+def test_a_grasp_that_failed_is_not_made_again() -> None:
+    robot = Robot(row("wineglass", "can"), outcomes=["slipped"], graspable=(1,)).run()
+    first, second = robot.requests
+    assert [grasp.quality for grasp in first.grasps] == [0.9, 0.5]
+    assert [grasp.quality for grasp in second.grasps] == [0.5]
+    assert [(s.outcome, s.worked) for s in robot.progress.steps] == [
+        ("slipped", False),
+        ("done", True),
+    ]
+
+
+def test_after_two_grasps_it_is_pushed_and_after_two_pushes_left_alone() -> None:
+    robot = Robot(row("wineglass", "can"), outcomes=["no"] * 4, graspable=(1,)).run()
+    grasp, push = DeclutterAction.GRASP, DeclutterAction.PUSH
+    assert [request.action for request in robot.requests] == [grasp, grasp, push, push]
+    assert robot.progress.why == NOTHING_LEFT
+    assert robot.progress.found
+    assert robot.read("pose_guess").given  # type: ignore[attr-defined]
+
+
+def test_what_falls_off_the_table_is_gone() -> None:
+    robot = Robot(row("wineglass", "can"), outcomes=["falls"]).run()
+    (step,) = robot.progress.steps
+    assert (step.worked, step.displacement) == (True, np.inf)
+    assert robot.progress.why == ""
+
+
+def test_so_many_actions_and_no_more() -> None:
+    config = DeclutterSequenceConfig(actions=1)
+    robot = Robot(row("wineglass", "can", "sponge"), config=config).run()
+    assert len(robot.requests) == 1
+    assert (robot.progress.found, robot.progress.why) == (True, TOO_MANY)
+
+
+def test_without_clearing_the_pose_is_sought_at_once() -> None:
+    config = DeclutterSequenceConfig(clear=False)
+    robot = Robot(row("wineglass", "can"), config=config).run()
+    assert (robot.requests, robot.progress.found) == ([], True)
+
+
+def test_a_target_that_is_hidden_is_looked_for_from_elsewhere() -> None:
+    robot = Robot(row("wineglass", "can"), hidden={0: (0,)}).run()
+    assert [r.object for r in robot.requests] == [1]
+    np.testing.assert_array_equal(robot.views[1].X_WC, PLACES[1])
+    assert robot.progress.found
+
+
+def test_without_a_target_in_any_view_it_ends_and_says_so() -> None:
+    robot = Robot(row("can", "sponge")).run()
+    assert (robot.progress.found, robot.progress.why) == (False, NO_TARGET)
+    assert robot.read("pose_guess") is NO_PRIOR
+
+
+@pytest.mark.parametrize(("blind", "views", "why"), [((0,), 2, ""), ((0, 1), 2, NO_VIEW_LEFT)])
+def test_places_that_the_camera_does_not_get_to(
+    blind: tuple[int, ...], views: int, why: str
+) -> None:
+    robot = Robot(row("wineglass"), blind=blind).run()
+    assert (len(robot.views), robot.progress.why) == (views, why)
+    assert robot.progress.found == (why == "")
+
+
+def test_views_of_the_pose_are_numbered_on() -> None:
+    robot = Robot(row("wineglass")).run()
+    before = robot.read("view_latest")
+    robot.tick()
+    assert robot.read("view_latest").number == 1  # type: ignore[attr-defined]
+    robot.fix("view_planned", replace(NO_VIEW, number=1, gain=3.0))
+    robot.tick()
+    after = robot.read("view_latest")
+    assert isinstance(before, ViewRequest)
+    assert isinstance(after, ViewRequest)
+    assert (before.number, after.number, after.gain) == (1, 2, 3.0)
+
+
+def test_what_was_moved_by_accident_is_noticed() -> None:
+    robot = Robot(row("wineglass", "can", "sponge"))
+
+    def act(request: ActionRequest) -> None:
+        Robot.act(robot, request)
+        target = robot.objects[0]
+        robot.objects[0] = replace(target, contour=translate(target.contour, -0.03, 0.0))
+
+    robot.act = act  # type: ignore[method-assign]
+    robot.run()
+    assert all(step.others == (0,) for step in robot.progress.steps)
+
+
+def test_an_object_of_which_more_is_seen_has_not_moved() -> None:
+    whole, part = rectangle(1, "can", (0.5, 0.0)), rectangle(1, "can", (0.49, 0.0), (0.02, 0.04))
+    assert displacement(1, image(part), image(whole)) == 0.0
+    assert displacement(1, image(whole), image(part)) == pytest.approx(0.02)
+    assert displacement(1, image(whole), image()) == np.inf

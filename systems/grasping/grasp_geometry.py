@@ -6,7 +6,6 @@ the height of their ends above the table [m].
 """
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from crossmodal.maths.arrays import Array, Mask
 from crossmodal.models.gripper_taxels import THICKNESS, TRAVEL, WIDTH
@@ -17,8 +16,8 @@ MARGIN = 0.008  # Between object and fingers on each side before they close, [m]
 
 _LOWEST = 0.005  # Least height of the fingers' ends above the table, [m].
 _DEEPEST = 0.045  # So far the fingers reach down beside an object, [m]: the inner taxels and more.
-# A rectangle that holds palm and rail, and how far above the fingers' ends they are, [m].
-_PALM = np.array([0.17, 0.075])
+# Half the edges of a rectangle that holds palm and rail, and how far above the fingers' ends it is.
+_PALM = (0.085, 0.0375)
 _PALM_ABOVE = 0.118
 _PALM_STEP = 0.005  # Between points of the palm that are looked at, [m].
 
@@ -52,25 +51,25 @@ def highest_under_fingers(
         around: By so much the fingers are taken to be larger on each side, [m].
     """
     across = 0.5 * WIDTH + around
-    x, y = _grid([-around, THICKNESS + around], [-across, across], CELL)
+    x, y = _grid((-around, THICKNESS + around), (-across, across), CELL)
     x = 0.5 * grasps[:, 3, None] + x
     return np.maximum(*(_highest(heights, grasps, side * x, y, view) for side in (-1.0, 1.0)))
 
 
 def is_blocked(heights: Array, grasps: Array, view: HeightMap) -> Mask:
     """Whether fingers (N,) would come down on something, or the palm; see above."""
-    palm = _grid(*np.outer(_PALM, [-0.5, 0.5]), _PALM_STEP)
-    below_palm = _highest(heights, grasps, *palm, view)
+    x, y = _grid((-_PALM[0], _PALM[0]), (-_PALM[1], _PALM[1]), _PALM_STEP)
+    below_palm = _highest(heights, grasps, x, y, view)
     under = highest_under_fingers(heights, grasps, view)
     z = grasps[:, 4]
     return np.asarray((under > z) | (below_palm > z + _PALM_ABOVE))
 
 
-def _grid(along: ArrayLike, across: ArrayLike, step: float) -> Array:
-    """x and y (2, P) of points between ends (2,) along both axes, the step or less apart."""
-    ends = np.array([along, across])
-    lines = [np.linspace(*end, int(np.ceil(np.ptp(end) / step)) + 1) for end in ends]
-    return np.stack(np.meshgrid(*lines)).reshape(2, -1)
+def _grid(x: tuple[float, float], y: tuple[float, float], step: float) -> tuple[Array, Array]:
+    """x and y (P,) of points between ends along both axes, the step or less apart."""
+    lines = [np.linspace(a, b, int(np.ceil((b - a) / step)) + 1) for a, b in (x, y)]
+    xx, yy = np.meshgrid(*lines)
+    return xx.ravel(), yy.ravel()
 
 
 def _highest(heights: Array, grasps: Array, x: Array, y: Array, view: HeightMap) -> Array:

@@ -3,8 +3,8 @@
 The network is that of D. Morrison, P. Corke, J. Leitner, Closing the loop for robotic grasping, RSS
 2018: of each cell the quality of a grasp there, the cosine and the sine of twice its angle, and its
 width. Unlike there, its input are heights above the table, which is known, in cells of two
-millimetres: a cell of the output depends on as much of the input as the gripper opens, and a map has
-a quarter of the 300 x 300 pixels.
+millimetres: a cell of the output depends on as much of the input as the gripper opens, and a map
+has a quarter of their 300 x 300 pixels.
 """
 
 import cv2
@@ -13,6 +13,7 @@ import numpy as np
 from crossmodal.maths.arrays import Array
 from crossmodal.systems.grasping.grasp_geometry import STROKE, fingertip_height
 from crossmodal.systems.grasping.height_map import HeightMap, highest_within
+from crossmodal.systems.onnx_network import Images
 
 INPUT_SCALE = 10.0  # Of heights, [1/m]: the objects' are about one then.
 WIDTH_SCALE = 0.15  # Of a width that is one, [m].
@@ -20,12 +21,12 @@ _BLUR = 1.0  # Standard deviation, [cells].
 _APART = 10  # Peaks of quality are so far apart at least, [cells].
 
 
-def network_input(heights: Array) -> Array:
+def network_input(heights: Array) -> Images:
     """A map (CELLS, CELLS), [m], as the network takes it (1, CELLS, CELLS)."""
     return np.asarray(np.clip(INPUT_SCALE * heights, 0.0, 4.0)[None], np.float32)
 
 
-def grasps_of_output(output: Array, view: HeightMap, least: float) -> tuple[Array, Array]:
+def grasps_of_output(output: Array | Images, view: HeightMap, least: float) -> tuple[Array, Array]:
     """The grasps at the peaks of the quality, the best first.
 
     Args:

@@ -42,7 +42,6 @@ def make_data(folder: Path, files: int, seed: int, jobs: int) -> Iterator[Path]:
     """Yields the files of views in their order; those that are there already are left alone."""
     from joblib import Parallel, delayed
 
-    folder.mkdir(parents=True, exist_ok=True)
     paths = [folder / f"grasp-{seed}-{number:04d}.npz" for number in range(files)]
     yield from Parallel(n_jobs=jobs, return_as="generator")(
         delayed(_make_file)(path, number, seed) for number, path in enumerate(paths)
@@ -64,7 +63,7 @@ def _make_file(path: Path, number: int, seed: int) -> Path:
     return write_atomically(path, lambda place: _save(place, arrays))
 
 
-def _save(path: Path, arrays: dict[str, Array]) -> None:
+def _save(path: Path, arrays: dict[str, Any]) -> None:
     with path.open("wb") as file:
         np.savez_compressed(file, **arrays)
 
@@ -91,8 +90,12 @@ def load_views(path: Path) -> list[View]:
     ]
 
 
-def is_held_out(number: int) -> bool:
-    """Whether a file of data is for testing alone."""
+def seen_files(paths: Sequence[Path]) -> list[Path]:
+    """Those of the files in their order that are learned from."""
+    return [path for number, path in enumerate(paths) if not _is_held_out(number)]
+
+
+def _is_held_out(number: int) -> bool:
     return number % _HELD_OUT == _HELD_OUT - 1
 
 
@@ -140,7 +143,7 @@ def held_out_scenes(files: int) -> list[int]:
     return [
         scene
         for number in range(files)
-        if is_held_out(number)
+        if _is_held_out(number)
         for scene in range(SCENES * number, SCENES * (number + 1))
     ]
 

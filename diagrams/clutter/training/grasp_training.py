@@ -37,13 +37,16 @@ class View:
     liking: Array
 
 
-def make_network() -> Any:
-    """GG-CNN for maps of CELLS cells: (N, 1, CELLS, CELLS) to (N, 4, CELLS, CELLS).
+def make_network(seed: int) -> Any:
+    """GG-CNN that has learned nothing yet: (N, 1, CELLS, CELLS) to (N, 4, CELLS, CELLS).
 
     Its four heads are the four channels of one convolution. What is turned up again is as wide as
     on the way down: 150, 50, 25, 13 cells.
     """
+    import torch
     from torch import nn
+
+    torch.manual_seed(seed)
 
     def up(n_in: int, n_out: int, kernel: int, stride: int, padding: int, rest: int) -> Any:
         return nn.ConvTranspose2d(n_in, n_out, kernel, stride, padding, rest)
@@ -57,7 +60,8 @@ def make_network() -> Any:
         up(16, 32, 9, 3, 3, 1),
     ]
     rectified = [part for layer in layers for part in (layer, nn.ReLU())]
-    return nn.Sequential(*rectified, nn.Conv2d(32, 4, 2))
+    network: Any = nn.Sequential(*rectified, nn.Conv2d(32, 4, 2))
+    return network.to(memory_format=torch.channels_last)
 
 
 def turned(view: View, angle: float, mirrored: bool) -> View:
@@ -99,25 +103,32 @@ def targets(view: View) -> Array:
 
 
 def loss_of(output: Any, target: Any) -> Any:
-    """Of outputs and targets (N, 4, CELLS, CELLS): mean square errors: of the quality everywhere, of the others where there are grasps."""
+    """Mean square errors: of the quality everywhere, of the others where there are grasps.
+
+    Args:
+        output: Of the network (N, 4, CELLS, CELLS).
+        target: See `targets` (N, 4, CELLS, CELLS).
+    """
     square = (output - target) ** 2
     there = target[:, :1]
     return square[:, 0].mean() + (there * square[:, 1:]).sum(dim=1).mean()
 
 
 def train(
+    network: Any,
     views: Sequence[View],
     seed: int,
     epochs: int,
     checkpoint: Path | None = None,
     jobs: int = 1,
     batch: int = BATCH,
-) -> Iterator[tuple[Any, float]]:
-    """Yields the network and its mean loss after each epoch; views are turned anew each time.
+) -> Iterator[float]:
+    """Trains a network and yields the mean loss of each epoch; views are turned anew each time.
 
     Args:
+        network: As `make_network` gives it.
         views: To learn from.
-        seed: Of the first weights, of the order of the views and of how they are turned.
+        seed: Of the order of the views and of how they are turned.
         epochs: How often each view is seen.
         checkpoint: File from which it goes on, and that is written after each epoch.
         jobs: Cores.
@@ -126,8 +137,6 @@ def train(
     import torch
 
     torch.set_num_threads(jobs)
-    torch.manual_seed(seed)
-    network = make_network().to(memory_format=torch.channels_last)
     optimiser = torch.optim.Adam(network.parameters(), LEARNING_RATE)
     steps = epochs * -(-len(views) // batch)
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, LEARNING_RATE, total_steps=steps)
@@ -138,7 +147,7 @@ def train(
         losses = kept["losses"]
         for name, part in parts.items():
             part.load_state_dict(kept[name])
-        yield network, losses[-1]
+    yield from losses
     for epoch in range(len(losses), epochs):
         rng, total = make_generator(seed, "grasp training", epoch), 0.0
         order = rng.permutation(len(views))
@@ -154,7 +163,7 @@ def train(
         if checkpoint is not None:
             kept = {name: part.state_dict() for name, part in parts.items()}
             write_atomically(checkpoint, partial(torch.save, {**kept, "losses": losses}))
-        yield network, total
+        yield total
 
 
 def _batch(views: Sequence[View], chosen: Ids, rng: np.random.Generator) -> tuple[Array, Array]:

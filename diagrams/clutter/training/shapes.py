@@ -92,7 +92,7 @@ def random_shape(rng: np.random.Generator) -> Shape:
             part.apply_translation(0.5 * (first + second))
         parts.append(part)
     volumes = np.array([part.volume for part in parts])
-    density = float(np.exp(rng.uniform(*np.log(_DENSITIES))))
+    density = _between(_DENSITIES, rng, 1)[0]
     return make_shape(
         "",
         np.concatenate([np.asarray(part.triangles) for part in parts]),
@@ -105,7 +105,7 @@ def random_shape(rng: np.random.Generator) -> Shape:
 
 def _random_part(rng: np.random.Generator) -> trimesh.Trimesh:
     """A box or a body of revolution with a kink about the origin, turned to one of the axes."""
-    size = np.exp(rng.uniform(*np.log(_SIZES), size=3))
+    size = _between(_SIZES, rng, 3)
     if rng.random() < 0.5:
         part = trimesh.creation.box(extents=size)
     else:
@@ -122,6 +122,12 @@ def _random_part(rng: np.random.Generator) -> trimesh.Trimesh:
     turn[:3, :3] = axes * [1.0, 1.0, np.linalg.det(axes)]
     part.apply_transform(turn)
     return part
+
+
+def _between(ends: tuple[float, float], rng: np.random.Generator, count: int) -> Array:
+    """Numbers (count,) whose logarithms are spread evenly."""
+    low, high = ends
+    return np.asarray(low * (high / low) ** rng.uniform(size=count))
 
 
 def make_shape(

@@ -22,7 +22,7 @@ def test_the_larger_third_coordinate_is_in_front() -> None:
 
 def test_a_sphere_is_seen_from_above_as_it_is() -> None:
     sphere = icosphere(subdivisions=4, radius=30.0)
-    corners = np.asarray(sphere.triangles) + [50.0, 50.0, 0.0]
+    corners = np.asarray(sphere.triangles) + np.array([50.0, 50.0, 0.0])
     front, _ = rasterise(corners, np.zeros(len(corners), int), 101, 101)
     v, u = np.indices(front.shape) - 50.0
     inside = u**2 + v**2 < 28.0**2

@@ -65,6 +65,7 @@ train_app.command("hand-bending", epilog=train.EXAMPLES)(train.train_hand_bendin
 train_app.command("segmentation", epilog=train.SEGMENTATION_EXAMPLES)(
     train.train_segmentation_command
 )
+train_app.command("grasp", epilog=train.GRASP_EXAMPLES)(train.train_grasp_command)
 app.add_typer(train_app, name="train")
 app.command("pose", epilog=pose.EXAMPLES)(pose.pose_command)
 app.command("diagram", epilog=diagram.EXAMPLES)(diagram.diagram_command)

@@ -32,6 +32,7 @@ def list_command() -> None:
         typer.echo("Networks (crossmodal train NAME):")
         _line("hand-bending", "the soft hand's bending from wrench and air pressure", width)
         _line("segmentation", "which object each pixel of an image of the table shows", width)
+        _line("grasp", "where and how well objects can be grasped from above", width)
 
 
 def _line(name: str, text: str, width: int) -> None:

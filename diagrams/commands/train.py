@@ -10,7 +10,7 @@ from crossmodal.diagrams.commands.endings import one_line_errors
 
 EXAMPLES = "Example:  crossmodal train hand-bending --jobs 2 --out runs/weights"
 SEGMENTATION_EXAMPLES = "Example:  crossmodal train segmentation --jobs 2 --out runs/weights"
-
+GRASP_EXAMPLES = "Example:  crossmodal train grasp --jobs 2 --out runs/weights"
 
 _SEED = typer.Option(min=0, help="Of data and weights.")
 _OUT = typer.Option(help="Folder of weights and card. [default: models/weights]")
@@ -91,6 +91,49 @@ def train_segmentation_command(
         for loss in progress:
             progress.set_postfix(loss=f"{loss:.3f}")
         _tell(*write_segmentation(network, images, folder, seed, scenes, epochs))
+
+
+def train_grasp_command(
+    seed: Annotated[int, _SEED] = 0,
+    jobs: Annotated[int, typer.Option(min=1, help="Cores.")] = 1,
+    files: Annotated[int, typer.Option(min=8, help="Files of data, of 25 scenes each.")] = 56,
+    epochs: Annotated[int, typer.Option(min=1, help="How often each view is learned from.")] = 15,
+    data: Annotated[
+        Path, typer.Option(help="Folder of the views and of how far it got: it goes on there.")
+    ] = Path("runs/grasp"),
+    out: Annotated[Path | None, _OUT] = None,
+    force: Annotated[bool, _FORCE] = False,
+) -> None:
+    """Train the network that says where and how well objects can be grasped from above."""
+    with one_line_errors():
+        from tqdm import tqdm
+
+        from crossmodal.diagrams.clutter.training.grasp_network_training import (
+            FILES,
+            load_views,
+            make_data,
+            seen_files,
+            write_grasp,
+        )
+        from crossmodal.diagrams.clutter.training.grasp_training import make_network, train
+        from crossmodal.diagrams.run.folder.run_folder import make_folder
+
+        folder = _folder(out, FILES, force)
+        make_folder(data)
+        made = tqdm(make_data(data, files, seed, jobs), total=files, desc="files", disable=None)
+        views = [view for path in seen_files(list(made)) for view in load_views(path)]
+        checkpoint = data / f"grasp-{seed}-{files}-{epochs}.pt"
+        network = make_network(seed)
+        progress = tqdm(
+            train(network, views, seed, epochs, checkpoint, jobs),
+            total=epochs,
+            desc="epochs",
+            disable=None,
+        )
+        for loss in progress:
+            progress.set_postfix(loss=f"{loss:.4f}")
+        typer.echo("Testing ...")
+        _tell(*write_grasp(network, folder, seed, files, epochs, len(views)))
 
 
 def _folder(out: Path | None, files: Sequence[str], force: bool) -> Path:

@@ -23,6 +23,7 @@ def test_help_teaches_by_example_and_needs_no_heavy_import() -> None:
         *([name] for name in names),
         ["train", "hand-bending"],
         ["train", "segmentation"],
+        ["train", "grasp"],
     ):
         result = RUNNER.invoke(app, [*command, "--help"])
         assert result.exit_code == 0

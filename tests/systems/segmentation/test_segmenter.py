@@ -92,9 +92,10 @@ def test_an_object_is_where_its_rays_meet_its_height(rig: Rig) -> None:
 
 
 def test_masks_say_which_pixels_show_which_object(rig: Rig) -> None:
-    seen = rig.look(1, [(105, 145), (60, 60)])
+    seen = rig.look(3, [(105, 145), (60, 60)])
     masks = rig.masks()
-    assert masks.number == 1
+    assert (masks.number, masks.view) == (1, 3)
+    assert_array_equal(masks.colour[65, 65], RED)
     assert_array_equal(np.unique(masks.objects), [-1, 0, 1])
     for segment in seen.segments:
         v, u = np.nonzero(masks.objects == segment.number)

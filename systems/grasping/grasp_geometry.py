@@ -1,0 +1,82 @@
+"""Grasps straight from above by two parallel fingers: their height, and what is in their way.
+
+A grasp is a row (x, y, angle, width, z): of the gripper's frame E the place in W [m] and the angle
+of x, along the opening, about z of W [rad]; the width between the fingers before they close [m];
+the height of their ends above the table [m].
+"""
+
+import numpy as np
+
+from crossmodal.maths.arrays import Array, Mask
+from crossmodal.models.gripper_taxels import THICKNESS, TRAVEL, WIDTH
+from crossmodal.systems.grasping.height_map import CELL, CELLS, HeightMap, highest_within
+
+STROKE = 2.0 * TRAVEL  # Widest opening, [m].
+MARGIN = 0.008  # Between object and fingers on each side before they close, [m].
+
+_LOWEST = 0.005  # Least height of the fingers' ends above the table, [m].
+_DEEPEST = 0.045  # So far the fingers reach down beside an object, [m]: the inner taxels and more.
+# Half the edges of a rectangle that holds palm and rail, and how far above the fingers' ends it is.
+_PALM = (0.085, 0.0375)
+_PALM_ABOVE = 0.118
+_PALM_STEP = 0.005  # Between points of the palm that are looked at, [m].
+
+
+def fingertip_height(top: Array) -> Array:
+    """Height of the fingers' ends above the table for heights of the object there, [m]."""
+    return np.maximum(_LOWEST, top - _DEEPEST)
+
+
+def tops(heights: Array, grasps: Array, view: HeightMap) -> Array:
+    """Greatest height (N,) of an object within half a finger's width of grasps' places, [m].
+
+    Args:
+        heights: Of the object on the cells of the map, [m].
+        grasps: (N, 3) or more columns.
+        view: Where the cells are.
+    """
+    columns, rows = np.clip(np.round(view.cells(grasps[:, :2])), 0, CELLS - 1).astype(int).T
+    return np.asarray(highest_within(heights)[rows, columns])
+
+
+def highest_under_fingers(
+    heights: Array, grasps: Array, view: HeightMap, around: float = 0.0
+) -> Array:
+    """Greatest height (N,) onto which the fingers would come down, [m].
+
+    Args:
+        heights: On the cells of the map, [m].
+        grasps: (N, 4) or more columns.
+        view: Where the cells are.
+        around: By so much the fingers are taken to be larger on each side, [m].
+    """
+    across = 0.5 * WIDTH + around
+    x, y = _grid((-around, THICKNESS + around), (-across, across), CELL)
+    x = 0.5 * grasps[:, 3, None] + x
+    return np.maximum(*(_highest(heights, grasps, side * x, y, view) for side in (-1.0, 1.0)))
+
+
+def is_blocked(heights: Array, grasps: Array, view: HeightMap) -> Mask:
+    """Whether fingers (N,) would come down on something, or the palm; see above."""
+    x, y = _grid((-_PALM[0], _PALM[0]), (-_PALM[1], _PALM[1]), _PALM_STEP)
+    below_palm = _highest(heights, grasps, x, y, view)
+    under = highest_under_fingers(heights, grasps, view)
+    z = grasps[:, 4]
+    return np.asarray((under > z) | (below_palm > z + _PALM_ABOVE))
+
+
+def _grid(x: tuple[float, float], y: tuple[float, float], step: float) -> tuple[Array, Array]:
+    """x and y (P,) of points between ends along both axes, the step or less apart."""
+    lines = [np.linspace(a, b, int(np.ceil((b - a) / step)) + 1) for a, b in (x, y)]
+    xx, yy = np.meshgrid(*lines)
+    return xx.ravel(), yy.ravel()
+
+
+def _highest(heights: Array, grasps: Array, x: Array, y: Array, view: HeightMap) -> Array:
+    """Greatest height (N,) at points (N, P) or (P,) in x and y of each grasp; zero outside."""
+    c, s = np.cos(grasps[:, 2, None]), np.sin(grasps[:, 2, None])
+    xy = grasps[:, None, :2] + np.stack([c * x - s * y, s * x + c * y], axis=-1)
+    columns, rows = np.moveaxis(np.round(view.cells(xy)).astype(int), -1, 0)
+    inside = (columns >= 0) & (columns < heights.shape[1]) & (rows >= 0) & (rows < heights.shape[0])
+    found = heights[np.where(inside, rows, 0), np.where(inside, columns, 0)]
+    return np.asarray(np.where(inside, found, 0.0).max(axis=1))

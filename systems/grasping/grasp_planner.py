@@ -1,0 +1,156 @@
+"""The planner of grasps: how each object in an image can be grasped from above."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydrake.systems.framework import Context
+
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.validation import check, number
+from crossmodal.models import WEIGHTS_DIR
+from crossmodal.systems.grasping.grasp_geometry import (
+    highest_under_fingers,
+    is_blocked,
+    tops,
+)
+from crossmodal.systems.grasping.grasp_network import grasps_of_output, network_input
+from crossmodal.systems.grasping.height_map import (
+    CELLS,
+    HeightMap,
+    height_map,
+    object_heights,
+)
+from crossmodal.systems.onnx_network import OnnxNetwork
+from crossmodal.systems.port_values import NO_GRASPS, NO_MASKS, Grasp, Grasps, ObjectMasks
+from crossmodal.systems.recursive_filter import RecursiveFilter
+
+_TABLE = 0.012  # Seen heights up to this may be the table's, [m].
+
+
+@dataclass(kw_only=True)
+class GraspPlannerConfig:
+    """What is sought, and what must be free."""
+
+    # File in models/weights, or an absolute path.
+    weights: str = "grasp.onnx"
+    # Quality of a grasp.
+    least_quality: float = number(0.1, above=0.0, at_most=1.0)
+    # Between the fingers and other objects, aside and below.
+    clearance: float = number(0.003, at_least=0.0, at_most=0.05, unit="m")
+    # By which the fingers reach down beside an object at least; above others they go less deep.
+    shallowest: float = number(0.02, above=0.0, at_most=0.1, unit="m")
+
+
+def load_grasp_network(config: GraspPlannerConfig) -> OnnxNetwork:
+    """The network.
+
+    Raises:
+        ValueError: where the file is none of its kind.
+        FileNotFoundError: where there is no such file.
+    """
+    return OnnxNetwork(WEIGHTS_DIR / Path(config.weights), (1, CELLS, CELLS))
+
+
+def plan_grasps(
+    view: HeightMap, network: OnnxNetwork, config: GraspPlannerConfig
+) -> tuple[Array, Array]:
+    """The grasps of an object at which the fingers come down on nothing, the best first.
+
+    Args:
+        view: Of the object and what is around it.
+        network: See `load_grasp_network`.
+        config: What must be free.
+
+    Returns:
+        Rows (N, 5), see `grasp_geometry`, and their qualities (N,).
+    """
+    output = network(network_input(view.heights)[None])[0]
+    grasps, quality = grasps_of_output(output, view, config.least_quality)
+    others = np.where(view.others > _TABLE, view.others, 0.0)
+    under = highest_under_fingers(others, grasps, view, config.clearance)
+    grasps[:, 4] = np.maximum(grasps[:, 4], np.where(under > 0.0, under + config.clearance, 0.0))
+    deep = tops(view.heights, grasps, view) - grasps[:, 4] >= config.shallowest
+    free = deep & ~is_blocked(view.surroundings, grasps, view)
+    return grasps[free], quality[free]
+
+
+def grasp_pose(grasp: Array, table: float) -> Array:
+    """X_WE (4, 4) of a grasp (5,): z straight down, x along the opening.
+
+    Args:
+        grasp: See `grasp_geometry`.
+        table: z of the table in W, [m].
+    """
+    x, y, angle, _, z = grasp
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array(
+        [[c, s, 0.0, x], [s, -c, 0.0, y], [0.0, 0.0, -1.0, table + z], [0.0, 0.0, 0.0, 1.0]]
+    )
+
+
+def find_all_grasps(
+    masks: ObjectMasks, table: float, network: OnnxNetwork, config: GraspPlannerConfig
+) -> Grasps:
+    """The grasps of all objects in an image.
+
+    Args:
+        masks: Of the objects.
+        table: z of the table in W, [m].
+        network: See `load_grasp_network`.
+        config: What must be free.
+    """
+    assert masks.intrinsics is not None, "only before the first image there are none"
+    k, X_WC = masks.intrinsics, masks.X_WC
+    heights = object_heights(masks.depth, masks.objects, k, X_WC, table)
+    found = {}
+    for label in np.unique(masks.objects[masks.objects >= 0]).tolist():
+        view = height_map(heights, masks.objects, label, k, X_WC, table)
+        rows, quality = plan_grasps(view, network, config)
+        found[label] = tuple(
+            Grasp(X_WE=grasp_pose(row, table), width=float(row[3]), quality=float(q))
+            for row, q in zip(rows, quality, strict=True)
+        )
+    return Grasps(number=masks.number, grasps=found)
+
+
+class GraspPlanner(RecursiveFilter):
+    """Finds how each object can be grasped, whenever there is a new image.
+
+    Grasps are from straight above, as deep as is useful and free. How well one holds is a network's
+    to say, from the object's heights alone; what is around it is in the depth image.
+
+    Input ports:
+    - `object_masks`: `ObjectMasks`, whose number tells that it is new.
+
+    Output ports:
+    - `grasps`: `Grasps` of the last tick, from the state alone; `NO_GRASPS` before the first image.
+    """
+
+    def __init__(self, table: float, config: GraspPlannerConfig, period: float) -> None:
+        """Makes the planner.
+
+        Args:
+            table: z of the table in W, [m].
+            config: Of the grasps.
+            period: Of the ticks, [s].
+
+        Raises:
+            ValueError: for an impossible configuration, and where the file is no such network.
+            FileNotFoundError: where there is no such file.
+        """
+        super().__init__()
+        check(config, "GraspPlanner")
+        self._table, self._config = table, config
+        self._network = load_grasp_network(config)
+        self._masks = self._declare_value_input("object_masks", NO_MASKS)
+        self._declare_recursion(NO_GRASPS, self._calc, period)
+        self._declare_latest("grasps", lambda grasps: grasps)
+
+    def _calc(self, context: Context, grasps: Any) -> Grasps:
+        before: Grasps = grasps
+        masks: ObjectMasks = self._read(self._masks, context)
+        if masks.number == before.number:
+            return before
+        return find_all_grasps(masks, self._table, self._network, self._config)

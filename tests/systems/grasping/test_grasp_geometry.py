@@ -1,0 +1,70 @@
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from crossmodal.maths.arrays import Array
+from crossmodal.models.gripper_taxels import THICKNESS, WIDTH
+from crossmodal.systems.grasping.grasp_geometry import (
+    fingertip_height,
+    highest_under_fingers,
+    is_blocked,
+    tops,
+)
+from crossmodal.systems.grasping.height_map import CELL, CELLS, HeightMap
+
+EMPTY = np.zeros((CELLS, CELLS))
+VIEW = HeightMap(heights=EMPTY, others=EMPTY, corner=np.full(2, -0.5 * (CELLS - 1) * CELL))
+ANGLE = 0.4
+
+
+def post(x: float, y: float, height: float) -> Array:
+    """Heights of a thin post at a place in x and y of the grasp."""
+    c, s = np.cos(ANGLE), np.sin(ANGLE)
+    column, row = np.round(VIEW.cells(np.array([c * x - s * y, s * x + c * y]))).astype(int)
+    heights = EMPTY.copy()
+    heights[row - 1 : row + 2, column - 1 : column + 2] = height
+    return heights
+
+
+def grasp(z: float = 0.02) -> Array:
+    return np.array([[0.0, 0.0, ANGLE, 0.06, z]])
+
+
+def test_fingers_go_deep_but_not_into_the_table() -> None:
+    assert_allclose(fingertip_height(np.array([0.0, 0.02, 0.1])), [0.005, 0.005, 0.055])
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+@pytest.mark.parametrize(
+    ("x", "y", "blocked"),
+    [
+        (0.03 + 0.5 * THICKNESS, 0.0, True),
+        (0.03 + 0.5 * THICKNESS, 0.45 * WIDTH, True),
+        (0.02, 0.0, False),
+        (0.03 + THICKNESS + 0.005, 0.0, False),
+        (0.03 + 0.5 * THICKNESS, 0.5 * WIDTH + 0.005, False),
+    ],
+)
+def test_a_post_is_in_the_way_where_a_finger_comes_down(
+    side: float, x: float, y: float, blocked: bool
+) -> None:
+    assert is_blocked(post(side * x, y, 0.03), grasp(), VIEW)[0] == blocked
+    assert not is_blocked(post(side * x, y, 0.01), grasp(), VIEW)[0]
+    higher = highest_under_fingers(post(side * x, y, 0.03), grasp(), VIEW)[0]
+    assert higher == (0.03 if blocked else 0.0)
+
+
+def test_a_tall_post_is_in_the_way_of_the_palm() -> None:
+    assert is_blocked(post(0.0, 0.0, 0.15), grasp(), VIEW)[0]
+    assert not is_blocked(post(0.0, 0.0, 0.15), grasp(0.04), VIEW)[0]
+    assert not is_blocked(post(0.0, 0.06, 0.15), grasp(), VIEW)[0]
+
+
+def test_room_is_kept_around_the_fingers() -> None:
+    near = post(0.03 + THICKNESS + 0.005, 0.0, 0.03)
+    assert highest_under_fingers(near, grasp(), VIEW, around=0.006)[0] == 0.03
+
+
+def test_the_top_is_that_of_the_object_between_the_fingers() -> None:
+    assert tops(post(0.005, 0.0, 0.04), grasp(), VIEW)[0] == 0.04
+    assert tops(post(0.03, 0.0, 0.04), grasp(), VIEW)[0] == 0.0

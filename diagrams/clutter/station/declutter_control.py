@@ -6,7 +6,6 @@ import numpy as np
 import shapely
 from crossmodal.controllers.arm.command_switch import CommandSwitch
 from crossmodal.controllers.primitives.move_object import MoveObject
-from crossmodal.systems.grasping.grasp_planner import GraspPlanner
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import OutputPort
 
@@ -20,12 +19,12 @@ from crossmodal.diagrams.clutter.station.wiring import StationWiring
 from crossmodal.diagrams.stations.drives import add_drives, follow
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
-from crossmodal.models import WEIGHTS_DIR
 from crossmodal.systems.declutter.declutter_planner import DeclutterPlanner
 from crossmodal.systems.declutter.declutter_sequence import DeclutterSequence
-from crossmodal.systems.onnx_network import OnnxNetwork
+from crossmodal.systems.grasping.grasp_planner import GraspPlanner
 from crossmodal.systems.port_values import ViewRequest
 from crossmodal.systems.pose.target_model import TargetModel
+from crossmodal.systems.segmentation.objects import load_network
 from crossmodal.systems.segmentation.segmenter import Segmenter
 
 _HIGHEST = 0.35  # Of what lies on the table, [m].
@@ -75,7 +74,7 @@ def add_declutter_control(
     segmenter = add(
         "segmenter",
         Segmenter(
-            OnnxNetwork(WEIGHTS_DIR / "segmentation.onnx"),
+            load_network(),
             camera.intrinsics,
             height,
             region,

@@ -9,7 +9,7 @@ from pydrake.systems.framework import OutputPort
 
 from crossmodal.controllers.arm.kinematics import ArmModel
 from crossmodal.controllers.arm.motion_planner import MotionPlanner
-from crossmodal.controllers.primitives.arm_task import believed_box
+from crossmodal.controllers.primitives.arm_task import believed_boxes
 from crossmodal.controllers.primitives.guarded_touch import GuardedTouch, touch_line
 from crossmodal.controllers.primitives.look import Look
 from crossmodal.diagrams.clutter.robot_config import (
@@ -66,7 +66,8 @@ def add_control(
 ) -> RobotControl:
     """Adds planners and controllers; exports what is planned, the grid and `touch_end`.
 
-    The station's input `object_pose` is what is believed of the object.
+    The station's input `object_pose` is what is believed of the object, and `obstacles` of what
+    stands around it, if anything does.
 
     Args:
         model: Of the object.
@@ -92,7 +93,7 @@ def add_control(
 
     def can_look(request: ViewRequest) -> bool:
         planner = planners[CAMERA_ARM]
-        planner.look_at({TOUCH_ARM: q_home[TOUCH_ARM]}, believed_box(request))
+        planner.look_at({TOUCH_ARM: q_home[TOUCH_ARM]}, believed_boxes(request))
         guesses = [q_home[CAMERA_ARM]]
         return planner.posture(RigidTransform(request.X_WC), guesses) is not None
 
@@ -151,6 +152,7 @@ def add_control(
     for source, system, port in connections:
         builder.Connect(source, system.GetInputPort(port))
     export_input(builder, "object_pose", touches, views)
+    export_input(builder, "obstacles", touches, views)
     for port in ("view_latest", "grid_latest"):
         builder.ExportOutput(views.GetOutputPort(port), port)
     builder.ExportOutput(touches.GetOutputPort("touch_latest"), "touch_latest")

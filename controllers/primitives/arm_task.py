@@ -28,14 +28,21 @@ class TransitConfig:
     rest_time: float = number(0.3, at_least=0.0, at_most=60.0, unit="s")
 
 
-def believed_box(request: Any) -> list[tuple[Array, RigidTransform]]:
-    """The box that is thought to hold the object, as an obstacle of a planner; none if unknown.
+def believed_boxes(request: Any) -> list[tuple[Array, RigidTransform]]:
+    """The boxes that are thought to hold all objects, as obstacles of a planner.
 
     Args:
-        request: A view or a touch: `box_edges` (3,) [m], zero if unknown, and `X_WB` (4, 4).
+        request: A view or a touch: `box_edges` (3,) [m], zero if unknown, and `X_WB` (4, 4) of the
+            object's; `obstacles`, edges and poses of all others.
     """
     is_known = np.any(request.box_edges)
-    return [(request.box_edges, RigidTransform(request.X_WB))] if is_known else []
+    own = [(request.box_edges, RigidTransform(request.X_WB))] if is_known else []
+    return own + other_boxes(request)
+
+
+def other_boxes(request: Any) -> list[tuple[Array, RigidTransform]]:
+    """The same without the object that is looked at or touched."""
+    return [(edges, RigidTransform(X_WB)) for edges, X_WB in request.obstacles]
 
 
 class ArmTask(Sequence):

@@ -13,7 +13,12 @@ from pydrake.systems.framework import Context
 from crossmodal.controllers.arm.joint_motion import JointMotion, along_line, resting
 from crossmodal.controllers.arm.kinematics import ArmModel
 from crossmodal.controllers.arm.motion_planner import MotionPlanner
-from crossmodal.controllers.primitives.arm_task import ArmTask, TransitConfig, believed_box
+from crossmodal.controllers.primitives.arm_task import (
+    ArmTask,
+    TransitConfig,
+    believed_boxes,
+    other_boxes,
+)
 from crossmodal.controllers.primitives.taxel_tare import TaxelTare, no_tare, tare
 from crossmodal.maths.arrays import Array, Ids
 from crossmodal.maths.immutable import Immutable
@@ -119,7 +124,7 @@ class GuardedTouch(ArmTask):
     Input ports:
     - those of `ArmTask`.
     - `touch_latest`: with `number`, `start`, `direction`, `reach`, the box `box_edges`, `X_WB`
-      that holds the object, and `done`.
+      that holds the object, the boxes `obstacles` of all others, and `done`.
     - `taxel_measured`: (3 T,) forces on the taxels, [N].
     - `is_clear`: (1,) above 0.5 while the other arm is out of the way.
 
@@ -209,7 +214,7 @@ class GuardedTouch(ArmTask):
             waits = wanted.number <= state.number or self._is_clear.Eval(context)[0] < 0.5
         if waits:
             return replace(state, phase=TouchPhase.WAIT) if state.phase else state
-        self._planner.look_at(others, believed_box(wanted))
+        self._planner.look_at(others, believed_boxes(wanted))
         if len(state.path) and not self._planner.is_free(here):
             # What is believed now holds the object here, too: it goes back the way it came.
             back = self._motion(np.vstack([here, state.path[::-1]]), context.get_time())
@@ -220,7 +225,7 @@ class GuardedTouch(ArmTask):
         line = touch_line(self._planner, wanted, [here, self._q_home], others, self._config)
         path = None
         if line is not None:
-            self._planner.look_at(others, believed_box(wanted))
+            self._planner.look_at(others, believed_boxes(wanted))
             path = self._planner.path(here, line[0], np.random.default_rng(wanted.number))
         if line is None or path is None:
             end = TouchEnd(number=wanted.number, outcome=TouchOutcome.UNREACHABLE)
@@ -313,7 +318,7 @@ def touch_line(
 
     Args:
         planner: Of the arm.
-        wanted: The touch: `start`, `direction`, `reach`, `box_edges` and `X_WB`.
+        wanted: The touch: `start`, `direction`, `reach`, `box_edges`, `X_WB` and `obstacles`.
         guesses: Postures (n,) near which the first one is sought, [rad].
         others: Joint positions of other models by their names.
         config: Of touches.
@@ -329,9 +334,9 @@ def touch_line(
         found = False
         for q in planner.postures(X_WE, guesses):
             found = True
-            planner.look_at(others, believed_box(wanted))
+            planner.look_at(others, believed_boxes(wanted))
             is_free = planner.is_free(q)
-            planner.look_at(others)
+            planner.look_at(others, other_boxes(wanted))
             line = planner.line(q, z, wanted.reach) if is_free else q[None]
             if planner.length(line) >= least:
                 return line

@@ -21,6 +21,7 @@ from crossmodal.systems.port_values import (
     NO_TOUCH,
     NO_VIEW,
     UNKNOWN_POSE,
+    Boxes,
     ObjectPose,
     TouchRequest,
     ViewRequest,
@@ -74,6 +75,8 @@ class TouchPlanner(RecursiveFilter):
     - `object_pose`: `ObjectPose`, whose number tells that a measurement has come.
     - `view_latest`: `ViewRequest`, which says when no more views follow; may stay unconnected, then
       there are as many as the configuration says.
+    - `obstacles`: tuple of edges (3,) [m] and poses X_WB (4, 4) of boxes that hold all other
+      objects; may stay unconnected.
 
     Output ports:
     - `touch_estimated`: `TouchRequest` for this tick's belief.
@@ -114,6 +117,7 @@ class TouchPlanner(RecursiveFilter):
         self._height = -np.inf if height is None else height
         self._pose = self._declare_value_input("object_pose", UNKNOWN_POSE)
         self._view = self._declare_value_input("view_latest", NO_VIEW)
+        self._obstacles = self._declare_value_input("obstacles", ())
         self._declare_recursion(TouchPlannerState(), self._calc, period)
         self._declare_estimated("touch_estimated", lambda state: state.request)
         self._declare_latest("touch_latest", lambda state: state.request)
@@ -131,14 +135,15 @@ class TouchPlanner(RecursiveFilter):
             return replace(unchanged, after=measured)
         if self._displaced is not None:
             belief = belief.as_met(self._displaced)
+        obstacles = self._read_optional(self._obstacles, context) or ()
         request, limits = None, (config.settled_translation, np.deg2rad(config.settled_rotation))
         if last > config.random_touches and has_settled(state.belief, belief, *limits):
-            request = self._no_more(belief, last, SETTLED)
+            request = self._no_more(belief, last, obstacles, SETTLED)
         elif last == config.random_touches + config.chosen_touches:
-            request = self._no_more(belief, last, "all touches are done")
+            request = self._no_more(belief, last, obstacles, "all touches are done")
         if request is None:
             criterion = "random" if last < config.random_touches else config.criterion
-            request = self._choose(belief, last + 1, criterion)
+            request = self._choose(belief, last + 1, criterion, obstacles)
         return TouchPlannerState(request=request, after=measured, belief=belief)
 
     def _box(self, belief: ObjectPose) -> tuple[Array, Array]:
@@ -148,24 +153,28 @@ class TouchPlanner(RecursiveFilter):
         X_WB[:3, 3] += X_WB[:3, :3] @ (0.5 * (low + high))
         return high - low, X_WB
 
-    def _no_more(self, belief: ObjectPose, number: int, why: str) -> TouchRequest:
-        """No touch; the arm still has to find home around the object."""
+    def _no_more(self, belief: ObjectPose, number: int, obstacles: Boxes, why: str) -> TouchRequest:
+        """No touch; the arm still has to find home around the objects."""
         edges, X_WB = self._box(belief)
-        return TouchRequest(number=number, done=True, why=why, box_edges=edges, X_WB=X_WB)
+        return TouchRequest(
+            number=number, done=True, why=why, box_edges=edges, X_WB=X_WB, obstacles=obstacles
+        )
 
-    def _choose(self, belief: ObjectPose, number: int, criterion: str) -> TouchRequest:
+    def _choose(
+        self, belief: ObjectPose, number: int, criterion: str, obstacles: Boxes
+    ) -> TouchRequest:
         config, model = self._config, self._model
         rng = np.random.default_rng([self._seed, number])
         starts, directions = candidate_rays(
             belief, model, config.touch, config.candidates, rng, height=self._height
         )
         if len(starts) == 0:
-            return self._no_more(belief, number - 1, "no approach is clear")
+            return self._no_more(belief, number - 1, obstacles, "no approach is clear")
         predicted = predict_touches(belief, model, starts, directions, config.touch, rng)
         feasible = predicted.feasible(config.touch)
         hit = predicted.hit
         if not hit.any():
-            return self._no_more(belief, number - 1, "no approach meets the object")
+            return self._no_more(belief, number - 1, obstacles, "no approach meets the object")
         if not feasible.any():
             # Nothing is likely enough to be met: the likeliest teaches most.
             feasible = hit >= hit.max()
@@ -188,6 +197,7 @@ class TouchPlanner(RecursiveFilter):
                 expected=float(np.median(met)),
                 box_edges=edges,
                 X_WB=X_WB,
+                obstacles=obstacles,
                 gain=float(gains[best]),
                 hit=float(hit[best]),
                 candidates=candidates,
@@ -197,4 +207,4 @@ class TouchPlanner(RecursiveFilter):
                 return request
             # An arm that cannot make this touch cannot make those close beside it.
             left[np.linalg.norm(approaches - approaches[best], axis=1) < _ALIKE] = -np.inf
-        return self._no_more(belief, number - 1, "no feasible touch")
+        return self._no_more(belief, number - 1, obstacles, "no feasible touch")

@@ -22,6 +22,7 @@ from crossmodal.systems.port_values import (
     NO_PRIOR,
     NO_VIEW,
     UNKNOWN_POSE,
+    Boxes,
     ObjectPose,
     PosePrior,
     ViewRequest,
@@ -105,6 +106,8 @@ class ViewPlanner(RecursiveFilter):
     - `pose_measurement`: `PoseMeasurement`, the last one.
     - `object_pose`: `ObjectPose`, which tells whether a view has changed the pose; may stay
       unconnected.
+    - `obstacles`: tuple of edges (3,) [m] and poses X_WB (4, 4) of boxes that hold all other
+      objects; may stay unconnected.
 
     Output ports:
     - `view_latest`: `ViewRequest` of the last tick, from the state alone.
@@ -140,6 +143,7 @@ class ViewPlanner(RecursiveFilter):
         self._guess = self._declare_value_input("pose_guess", NO_PRIOR)
         self._measurement = self._declare_value_input("pose_measurement", NO_MEASUREMENT)
         self._pose = self._declare_value_input("object_pose", UNKNOWN_POSE)
+        self._obstacles = self._declare_value_input("obstacles", ())
         self._declare_recursion(ViewPlannerState(), self._calc, period)
         self._declare_latest("view_latest", lambda state: state.request)
         self._declare_latest("grid_latest", lambda state: state.grid or NO_GRID)
@@ -168,10 +172,17 @@ class ViewPlanner(RecursiveFilter):
         if taken > 1 and has_settled(state.belief, belief, *limits):
             request = replace(request, done=True)
         elif taken < config.count:
-            request = self._choose(grid, request, taken + 1)
+            obstacles = self._read_optional(self._obstacles, context) or ()
+            request = self._choose(grid, request, taken + 1, obstacles)
         return replace(state, request=request, decided=taken, belief=belief)
 
-    def _choose(self, grid: OccupancyGrid, last: ViewRequest, number: int) -> ViewRequest:
+    def _choose(
+        self,
+        grid: OccupancyGrid,
+        last: ViewRequest,
+        number: int,
+        obstacles: Boxes,
+    ) -> ViewRequest:
         config = self._config
         centre = grid.corner + 0.5 * grid.cell * np.array(grid.log_odds.shape)
         views = hemisphere(centre, config)
@@ -186,6 +197,7 @@ class ViewPlanner(RecursiveFilter):
             number=number,
             box_edges=grid.cell * np.array(grid.log_odds.shape),
             X_WB=X_WB,
+            obstacles=obstacles,
             candidates=views,
             gains=gains,
         )

@@ -89,6 +89,7 @@ from crossmodal.systems.port_values.pose import (
     NO_TOUCH,
     NO_VIEW,
     UNKNOWN_POSE,
+    Boxes,
     ObjectPose,
     PoseMeasurement,
     PosePrior,

@@ -9,6 +9,8 @@ from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.immutable import Immutable
 
+Boxes = tuple[tuple[Array, Array], ...]  # Edges (3,) [m] and poses X_WB (4, 4) of their middles.
+
 
 @dataclass(frozen=True, kw_only=True)
 class PosePrior(Immutable):
@@ -202,6 +204,8 @@ class TouchRequest(Immutable):
         expected: Distance at which it is likely to meet the object, [m].
         box_edges: Edges (3,) of a box that is thought to hold the object, [m].
         X_WB: Pose (4, 4) of that box, its middle.
+        obstacles: Edges (3,) [m] and poses X_WB (4, 4) of the middles of boxes that hold all other
+            objects.
         gain: What the touch is expected to teach, by the criterion that chose it.
         hit: Probability that it meets the object.
         done: Whether no more touches follow.
@@ -218,6 +222,7 @@ class TouchRequest(Immutable):
     expected: float = 0.0
     box_edges: Array = field(default_factory=lambda: np.zeros(3))
     X_WB: Array = field(default_factory=lambda: np.eye(4))
+    obstacles: Boxes = ()
     gain: float = np.nan
     hit: float = np.nan
     done: bool = False
@@ -239,6 +244,8 @@ class ViewRequest(Immutable):
         box_edges: Edges (3,) of a box that is thought to hold the object, [m].
         X_WB: Pose (4, 4) of that box, its middle.
         home: Whether no view is wanted, and the camera is to be out of the way.
+        obstacles: Edges (3,) [m] and poses X_WB (4, 4) of the middles of boxes that hold all other
+            objects.
         gain: By how much the view is expected to lower the entropy of the occupancy grid, [bit].
         candidates: X_WC (V, 4, 4) among which it was chosen.
         gains: Of these (V,), [bit].
@@ -250,6 +257,7 @@ class ViewRequest(Immutable):
     box_edges: Array = field(default_factory=lambda: np.zeros(3))
     X_WB: Array = field(default_factory=lambda: np.eye(4))
     home: bool = False
+    obstacles: Boxes = ()
     gain: float = np.nan
     candidates: Array = field(default_factory=lambda: np.zeros((0, 4, 4)))
     gains: Array = field(default_factory=lambda: np.zeros(0))

@@ -4,13 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
-from crossmodal.controllers.arm.command_switch import CommandSwitch
-from crossmodal.controllers.primitives.move_object import MoveObject
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import OutputPort
 
+from crossmodal.controllers.arm.command_switch import CommandSwitch
 from crossmodal.controllers.primitives.guarded_touch import GuardedTouch
 from crossmodal.controllers.primitives.look import Look
+from crossmodal.controllers.primitives.move_object import MoveObject
 from crossmodal.diagrams.clutter.robot_config import CAMERA_ARM, GRIPPER, TOUCH_ARM, TOUCHER
 from crossmodal.diagrams.clutter.scenario import target_name
 from crossmodal.diagrams.clutter.station.believed_arms import BelievedArms

@@ -6,7 +6,7 @@ import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import OutputPort
 
-from crossmodal.controllers.primitives.arm_task import believed_box
+from crossmodal.controllers.primitives.arm_task import believed_boxes
 from crossmodal.controllers.primitives.guarded_touch import GuardedTouch, touch_line
 from crossmodal.controllers.primitives.look import Look
 from crossmodal.diagrams.clutter.robot_config import (
@@ -23,7 +23,7 @@ from crossmodal.diagrams.clutter.station.declutter_control import (
 from crossmodal.diagrams.clutter.station.robot_sensors import RobotSensors
 from crossmodal.diagrams.clutter.station.wiring import StationWiring
 from crossmodal.diagrams.run.record import TaskStatus
-from crossmodal.diagrams.stations.connections import export_input
+from crossmodal.diagrams.stations.connections import connect_alike, export_input
 from crossmodal.diagrams.stations.drives import add_drives
 from crossmodal.diagrams.stations.task_status import add_task_status
 from crossmodal.maths.arrays import Array
@@ -86,7 +86,7 @@ def add_control(
 
     def can_look(request: ViewRequest) -> bool:
         planner = planners[CAMERA_ARM]
-        planner.look_at({TOUCH_ARM: q_home[TOUCH_ARM]}, believed_box(request))
+        planner.look_at({TOUCH_ARM: q_home[TOUCH_ARM]}, believed_boxes(request))
         guesses = [q_home[CAMERA_ARM]]
         return planner.posture(RigidTransform(request.X_WC), guesses) is not None
 
@@ -132,6 +132,8 @@ def add_control(
     else:
         connect_declutter(wiring, declutter, sensors, look, touch, view, q_home[TOUCH_ARM])
         view = declutter.sequence.GetOutputPort("view_latest")
+        for planner in (views, touches):
+            connect_alike(builder, declutter.sequence, "obstacles", planner)
     measured = {
         name: encoders.GetOutputPort("joint_state_measured")
         for name, encoders in sensors.encoders.items()

@@ -387,13 +387,18 @@ def _fields(kind: type) -> Codec:
 
 
 def _plain(item: Any) -> Any:
-    """What JSON takes: an array as nested lists, an empty one as its shape."""
+    """What JSON takes: of an array its lists, of an empty one its shape, of a tuple its items."""
     if isinstance(item, np.ndarray):
         return item.tolist() if item.size else {"shape": list(item.shape)}
+    if isinstance(item, tuple):
+        return {"items": [_plain(one) for one in item]}
     return item
 
 
 def _unplain(item: Any) -> Any:
     if isinstance(item, list):
         return np.array(item, dtype=float)
-    return np.zeros(item["shape"]) if isinstance(item, dict) else item
+    if isinstance(item, dict):
+        items = item.get("items")
+        return np.zeros(item["shape"]) if items is None else tuple(map(_unplain, items))
+    return item

@@ -43,7 +43,7 @@ def finger_forces(forces: Array, noise: float) -> FingerForces:
     """
     inwards = _SIGNS[_FINGER] * forces[:, 0]
     pressed = inwards > _LOADED * noise
-    normal = np.bincount(_FINGER, np.where(pressed, inwards, 0.0), 2)
+    normal = np.bincount(_FINGER, np.where(pressed, inwards, 0.0), 2).astype(float)
     return FingerForces(normal=normal, shear=forces[pressed, 1:].sum(axis=0))
 
 

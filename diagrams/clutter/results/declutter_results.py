@@ -64,7 +64,7 @@ def step_pictures(record: EpisodeRecord) -> dict[str, "Callable[[], Figure]"]:
     """A picture of each image by which something was decided, by file name."""
     masks: dict[int, ObjectMasks] = {m.number: m for m in record.station_values("object_masks")}
     steps = iter(_progress(record).steps)
-    pictures = {}
+    pictures: dict[str, Callable[[], Figure]] = {}
     for graph in _graphs(record):
         title = graph.why
         if graph.next >= 0:

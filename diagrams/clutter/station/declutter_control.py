@@ -88,7 +88,14 @@ def add_declutter_control(
     sequence = add(
         "declutter_sequence",
         DeclutterSequence(
-            name, model, height, _places(arms, table), table, scenario.sequence, period
+            name,
+            model.middle,
+            model.radius,
+            height,
+            _places(arms, table),
+            table,
+            scenario.sequence,
+            period,
         ),
     )
     move = add(

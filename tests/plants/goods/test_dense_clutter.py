@@ -10,6 +10,7 @@ from crossmodal.plants.goods.dense_clutter import (
     ClutterConfig,
     ClutterError,
     make_dense_clutter,
+    names_in_clutter,
 )
 from crossmodal.plants.goods.goods_scene import GoodsScene
 
@@ -25,6 +26,8 @@ def lying() -> dict[str, RigidTransform]:
 def test_the_same_seed_gives_the_same_poses(lying: dict[str, RigidTransform]) -> None:
     again = make_dense_clutter(ClutterConfig(count=2, laid_down=1.0), "cleaner", OTHERS, MIDDLE, 3)
     assert list(again) == list(lying)
+    config = ClutterConfig(count=2, laid_down=1.0)
+    assert names_in_clutter(config, "cleaner", OTHERS, 3) == list(lying)
     for name, X_WO in lying.items():
         assert_array_equal(again[name].GetAsMatrix4(), X_WO.GetAsMatrix4())
 

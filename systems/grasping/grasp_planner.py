@@ -20,7 +20,7 @@ from crossmodal.systems.grasping.height_map import (
     CELLS,
     HeightMap,
     height_map,
-    object_heights,
+    seen_points,
 )
 from crossmodal.systems.onnx_network import OnnxNetwork
 from crossmodal.systems.port_values import NO_GRASPS, NO_MASKS, Grasp, Grasps, ObjectMasks
@@ -102,12 +102,10 @@ def find_all_grasps(
         config: What must be free.
     """
     assert masks.intrinsics is not None, "only before the first image there are none"
-    k, X_WC = masks.intrinsics, masks.X_WC
-    heights = object_heights(masks.depth, masks.objects, k, X_WC, table)
+    seen = seen_points(masks.depth, masks.objects, masks.intrinsics, masks.X_WC, table)
     found = {}
     for label in np.unique(masks.objects[masks.objects >= 0]).tolist():
-        view = height_map(heights, masks.objects, label, k, X_WC, table)
-        rows, quality = plan_grasps(view, network, config)
+        rows, quality = plan_grasps(height_map(seen, label), network, config)
         found[label] = tuple(
             Grasp(X_WE=grasp_pose(row, table), width=float(row[3]), quality=float(q))
             for row, q in zip(rows, quality, strict=True)

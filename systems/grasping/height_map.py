@@ -51,10 +51,27 @@ class HeightMap(Immutable):
         return np.maximum(self.heights, self.others)
 
 
-def object_heights(
+@dataclass(frozen=True, kw_only=True)
+class SeenPoints(Immutable):
+    """What each pixel of an image shows, (H, W).
+
+    Attributes:
+        xy: Place (H, W, 2) in W, [m]; NaN where nothing is known.
+        heights: Above the table, [m]; NaN likewise.
+        labels: Number of the object, -1 where there is none.
+        gap: So many cells of a map at most lie between the places of neighbouring pixels.
+    """
+
+    xy: Array
+    heights: Array
+    labels: Ids
+    gap: int
+
+
+def seen_points(
     depth: Array, labels: Ids, intrinsics: Intrinsics, X_WC: Array, table: float
-) -> Array:
-    """Heights (H, W) above the table, [m]; NaN where nothing was measured and no object is.
+) -> SeenPoints:
+    """The points that a camera above the table sees.
 
     What was not measured of an object, or only through it, is as high as its nearest pixel that
     was; where hardly any was, as of glass, all of it is taken to be 6 cm high.
@@ -66,57 +83,57 @@ def object_heights(
         X_WC: Of the camera (4, 4).
         table: z of the table in W, [m].
     """
+    focal_x, focal_y, center_x, center_y = intrinsics.vector()
+    u, v = np.meshgrid(np.arange(intrinsics.width), np.arange(intrinsics.height))
+    rays = np.stack([(u - center_x) / focal_x, (v - center_y) / focal_y, np.ones(u.shape)], -1)
+    rays = rays @ X_WC[:3, :3].T
+    above = X_WC[2, 3] - table
     measured = np.isfinite(depth) & (depth > 0.0)
-    down = -_rays(intrinsics, X_WC)[..., 2]
-    heights = np.where(measured, X_WC[2, 3] - table - np.where(measured, depth, 0.0) * down, np.nan)
+    heights = np.where(measured, above + np.where(measured, depth, 0.0) * rays[..., 2], np.nan)
     for label in np.unique(labels[labels >= 0]):
-        mask = labels == label
-        part = np.ix_(*(_extent(mask.any(axis=axis)) for axis in (1, 0)))
-        mask, own = mask[part], heights[part]
-        known = mask & (own > _LOWEST)
-        if known.sum() < _SEEN * mask.sum():
-            own[mask] = _UNSEEN_HEIGHT
-        else:
-            rows, columns = distance_transform_edt(
-                ~known, return_distances=False, return_indices=True
-            )
-            own = np.where(mask, own[rows, columns], own)
-        heights[part] = own
-    return heights
+        _fill(heights, labels == label)
+    # Where a ray is at the height that was seen there.
+    along = np.where(rays[..., 2] < 0.0, (above - heights) / -rays[..., 2], np.nan)
+    farthest = np.nanmax(along[labels >= 0], initial=0.0)
+    return SeenPoints(
+        xy=X_WC[:2, 3] + along[..., None] * rays[..., :2],
+        heights=heights,
+        labels=labels,
+        gap=int(np.ceil(farthest / (CELL * min(focal_x, focal_y)))),
+    )
 
 
-def height_map(
-    heights: Array, labels: Ids, label: int, intrinsics: Intrinsics, X_WC: Array, table: float
-) -> HeightMap:
+def _fill(heights: Array, mask: Mask) -> None:
+    """Writes heights (H, W) of an object's pixels where they are not known."""
+    part = np.ix_(*(_extent(mask.any(axis=axis)) for axis in (1, 0)))
+    mask, own = mask[part], heights[part]
+    known = mask & (own > _LOWEST)
+    if known.sum() < _SEEN * mask.sum():
+        own[mask] = _UNSEEN_HEIGHT
+    else:
+        rows, columns = distance_transform_edt(~known, return_distances=False, return_indices=True)
+        own = np.where(mask, own[rows, columns], own)
+    heights[part] = own
+
+
+def height_map(seen: SeenPoints, label: int) -> HeightMap:
     """The map around the middle of an object.
-
-    Args:
-        heights: (H, W), see `object_heights`.
-        labels: (H, W), numbers of objects, -1 where there is none.
-        label: Number of the object.
-        intrinsics: Of both.
-        X_WC: Of the camera (4, 4), above the table.
-        table: z of the table in W, [m].
 
     Raises:
         ValueError: where no pixel shows the object.
     """
-    is_object = labels == label
-    if not is_object.any():
+    is_object = seen.labels == label
+    own = is_object & np.isfinite(seen.xy[..., 0])
+    if not own.any():
         raise ValueError(f"no pixel shows object {label}")
-    rays = _rays(intrinsics, X_WC)
-    known = np.isfinite(heights) & (rays[..., 2] < 0.0)
-    # Where a ray is at the height that was seen there.
-    along = np.where(known, (X_WC[2, 3] - table - heights) / -rays[..., 2], np.nan)
-    xy = X_WC[:2, 3] + along[..., None] * rays[..., :2]
-    own = known & is_object
-    middle = 0.5 * (xy[own].min(axis=0) + xy[own].max(axis=0))
-    corner = middle - 0.5 * (CELLS - 1) * CELL
-    # Between neighbouring pixels at most so many cells stay empty: they are filled.
-    empty = int(np.ceil(np.nanmax(along[own]) / (CELL * min(intrinsics.vector()[:2]))))
+    middle = 0.5 * (seen.xy[own].min(axis=0) + seen.xy[own].max(axis=0))
+    half = 0.5 * CELLS * CELL
+    away = np.abs(seen.xy - middle)
+    inside = (away[..., 0] < half) & (away[..., 1] < half)
+    corner = middle - half + 0.5 * CELL
     return HeightMap(
-        heights=_seen_from_above(xy[own], heights[own], corner, empty),
-        others=_seen_from_above(xy[known & ~is_object], heights[known & ~is_object], corner, empty),
+        heights=_from_above(seen, inside & is_object, corner),
+        others=_from_above(seen, inside & ~is_object, corner),
         corner=corner,
     )
 
@@ -128,24 +145,15 @@ def highest_within(heights: Array) -> Array:
     return np.asarray(cv2.dilate(heights, disc))
 
 
-def _rays(intrinsics: Intrinsics, X_WC: Array) -> Array:
-    """Of all pixels (H, W, 3), to where their depth is one, in W."""
-    focal_x, focal_y, center_x, center_y = intrinsics.vector()
-    u, v = np.meshgrid(np.arange(intrinsics.width), np.arange(intrinsics.height))
-    rays = np.stack([(u - center_x) / focal_x, (v - center_y) / focal_y, np.ones(u.shape)], -1)
-    return np.asarray(rays @ X_WC[:3, :3].T)
-
-
 def _extent(there: Mask) -> Ids:
     """Indices from the first to the last one that is there."""
     indices = np.flatnonzero(there)
     return np.arange(indices[0], indices[-1] + 1)
 
 
-def _seen_from_above(xy: Array, heights: Array, corner: Array, empty: int) -> Array:
+def _from_above(seen: SeenPoints, chosen: Mask, corner: Array) -> Array:
     """The greatest height in each cell (CELLS, CELLS), zero where there is none."""
-    cells = np.round((xy - corner) / CELL).astype(int)
-    inside = ((cells >= 0) & (cells < CELLS)).all(axis=1)
-    seen = np.zeros((CELLS, CELLS))
-    np.maximum.at(seen, (cells[inside, 1], cells[inside, 0]), heights[inside])
-    return np.asarray(cv2.morphologyEx(seen, cv2.MORPH_CLOSE, np.ones((2 * empty + 1,) * 2)))
+    columns, rows = np.round((seen.xy[chosen] - corner) / CELL).astype(int).T
+    found = np.zeros((CELLS, CELLS))
+    np.maximum.at(found, (rows, columns), seen.heights[chosen])
+    return np.asarray(cv2.morphologyEx(found, cv2.MORPH_CLOSE, np.ones((2 * seen.gap + 1,) * 2)))

@@ -22,7 +22,7 @@ from crossmodal.systems.grasping.height_map import (
     CELLS,
     HeightMap,
     height_map,
-    object_heights,
+    seen_points,
 )
 from crossmodal.systems.sensors.depth_noise import (
     DepthNoiseConfig,
@@ -32,7 +32,7 @@ from crossmodal.systems.sensors.depth_noise import (
 )
 from crossmodal.systems.sensors.randomness import make_generator
 
-_CANDIDATES = 800  # Places and angles of grasps that are tried on an object.
+_CANDIDATES = 400  # Places and angles of grasps that are tried on an object.
 _UPRIGHT = 0.4  # Share of objects that stand as they are modelled, if they can.
 _MOST = 7  # Objects in a scene.
 _ALONE = 0.3  # Share of scenes with one object.
@@ -245,14 +245,14 @@ def observe(bodies: Sequence[Body], rng: np.random.Generator) -> list[Sample]:
     intrinsics, X_WC = draw_camera(rng)
     depth, labels = measured_depth(bodies, intrinsics, X_WC, rng)
     table = float(_TABLE_ERROR * rng.normal())
-    heights = object_heights(depth, labels, intrinsics, X_WC, table)
+    points = seen_points(depth, labels, intrinsics, X_WC, table)
     found = []
     for label, body in enumerate(bodies):
         seen = int((labels == label).sum())
         alone = (ideal_depth([body], intrinsics, X_WC)[1] == 0).sum()
         if seen < max(_FEWEST, _VISIBLE * alone):
             continue
-        view = height_map(heights, labels, label, intrinsics, X_WC, table)
+        view = height_map(points, label)
         true = true_heights([body], view.corner)
         grasps, liking = find_grasps(
             body.shape, body.corners, body.p_WCm, view, true, _CANDIDATES, rng

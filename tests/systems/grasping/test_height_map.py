@@ -8,7 +8,7 @@ from crossmodal.systems.grasping.height_map import (
     HeightMap,
     height_map,
     highest_within,
-    object_heights,
+    seen_points,
 )
 from tests.systems.grasping.images import CAMERA, Block, above, image_of
 
@@ -19,8 +19,7 @@ BESIDE = Block(middle=(-0.05, -0.02), size=(0.04, 0.04, 0.03))
 def seen(distance: float, tilt: float, table: float) -> HeightMap:
     X_WC = above(distance, tilt)
     depth, labels = image_of([BOX, BESIDE], X_WC, table)
-    heights = object_heights(depth, labels, CAMERA, X_WC, table)
-    return height_map(heights, labels, 0, CAMERA, X_WC, table)
+    return height_map(seen_points(depth, labels, CAMERA, X_WC, table), 0)
 
 
 @pytest.mark.parametrize("table", [0.0, 0.1])
@@ -52,7 +51,7 @@ def test_what_is_not_measured_of_an_object_is_as_high_as_what_is_nearest() -> No
     depth, labels = image_of([BOX], X_WC)
     hole = (labels == 0) & (np.arange(CAMERA.width) % 3 > 0)
     depth[hole] = 0.0
-    heights = object_heights(depth, labels, CAMERA, X_WC, 0.0)
+    heights = seen_points(depth, labels, CAMERA, X_WC, 0.0).heights
     assert_allclose(heights[labels == 0], BOX.size[2], atol=1e-9)
 
 
@@ -62,7 +61,7 @@ def test_glass_is_taken_for_six_centimetres_high(measured: str) -> None:
     depth, labels = image_of([BOX], X_WC)
     through, _ = image_of([], X_WC)
     depth[labels == 0] = through[labels == 0] + 0.002 if measured != "nothing" else np.nan
-    heights = object_heights(depth, labels, CAMERA, X_WC, 0.0)
+    heights = seen_points(depth, labels, CAMERA, X_WC, 0.0).heights
     assert_allclose(heights[labels == 0], 0.06)
     assert_allclose(heights[labels < 0], 0.0, atol=1e-9)
 
@@ -71,7 +70,7 @@ def test_without_a_return_the_height_beside_objects_is_not_known() -> None:
     X_WC = above(0.7)
     depth, labels = image_of([BOX], X_WC)
     depth[0, :] = np.inf
-    heights = object_heights(depth, labels, CAMERA, X_WC, 0.0)
+    heights = seen_points(depth, labels, CAMERA, X_WC, 0.0).heights
     assert np.isnan(heights[0]).all()
 
 
@@ -79,7 +78,7 @@ def test_an_object_that_no_pixel_shows_is_refused() -> None:
     X_WC = above(0.7)
     depth, labels = image_of([BOX], X_WC)
     with pytest.raises(ValueError, match="no pixel shows object 3"):
-        height_map(depth, labels, 3, CAMERA, X_WC, 0.0)
+        height_map(seen_points(depth, labels, CAMERA, X_WC, 0.0), 3)
 
 
 def test_the_highest_within_half_a_fingers_width() -> None:

@@ -13,6 +13,7 @@ from crossmodal.diagrams.clutter.estimators import (
 )
 from crossmodal.diagrams.clutter.meshcat_view import add_view
 from crossmodal.diagrams.clutter.own_mesh import keep_files, own_mesh_assignments
+from crossmodal.diagrams.clutter.results.declutter_results import declutter_metrics
 from crossmodal.diagrams.clutter.results.results import evaluate, metrics
 from crossmodal.diagrams.clutter.scenario import (
     SCENARIO_FOLDER,
@@ -69,8 +70,12 @@ APPLICATION = Application(
     view=add_view,
     labels=LABELS,
     colors=COLORS,
-    metrics=metrics(),
+    metrics=[*metrics(), *declutter_metrics()],
     experiments={
+        "clutter": Experiment(
+            scenario="clutter",
+            description="robots clear the way to an object in dense clutter, then look and touch",
+        ),
         "pose": Experiment(
             scenario="pose", description="robots: three views, then seven touches, all chosen"
         ),

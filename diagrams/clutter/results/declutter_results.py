@@ -9,6 +9,7 @@ import numpy as np
 
 from crossmodal.diagrams.clutter.results.graph_picture import graph_picture
 from crossmodal.diagrams.clutter.scenario import object_names
+from crossmodal.diagrams.run.experiment import Metric
 from crossmodal.diagrams.run.record import EpisodeRecord
 from crossmodal.systems.port_values import (
     NO_PROGRESS,
@@ -21,6 +22,8 @@ from crossmodal.systems.port_values import (
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+_MOVED = 0.02  # A target that was moved by more is to be noticed, [m].
 
 # What one does, and how the other ends, where all goes well.
 _DONE = {DeclutterAction.GRASP: "placed", DeclutterAction.PUSH: "pushed"}
@@ -125,6 +128,52 @@ def _picture(graph: DeclutterGraph, masks: ObjectMasks | None, title: str) -> "F
     figure = graph_picture(graph, None if masks is None else masks.colour)
     figure.suptitle(title)
     return figure
+
+
+def declutter_metrics() -> list[Metric]:
+    """Of an episode, for the tables of evaluations."""
+    from crossmodal.diagrams.evaluation.metric_table import mean_and_deviation, mean_share
+
+    def share(kind: DeclutterAction) -> Callable[[Mapping[str, Any]], float | None]:
+        def value(summary: Mapping[str, Any]) -> float | None:
+            done = [a["success"] for a in summary["clutter"]["actions"] if a["kind"] == kind]
+            return float(np.mean(done)) if done else None
+
+        return value
+
+    def actions_per_object(summary: Mapping[str, Any]) -> float | None:
+        numbers = [action["number"] for action in summary["clutter"]["actions"]]
+        return len(numbers) / len(set(numbers)) if numbers else None
+
+    def unnoticed(summary: Mapping[str, Any]) -> bool:
+        clutter = summary["clutter"]
+        return bool((clutter["target_moved"] or 0.0) > _MOVED and not clutter["target_noticed"])
+
+    return [
+        Metric(
+            name=f"{kind}_success",
+            value=share(kind),
+            by_estimator=False,
+            title=f"{kind}es that did what they should" if kind == "push" else "grasps that held",
+            cell=mean_share,
+        )
+        for kind in DeclutterAction
+    ] + [
+        Metric(
+            name="actions_per_object",
+            value=actions_per_object,
+            by_estimator=False,
+            title="actions for each object that was taken away",
+            cell=mean_and_deviation,
+        ),
+        Metric(
+            name="moved_unnoticed",
+            value=unnoticed,
+            by_estimator=False,
+            title="target moved by more than 2 cm, and no image showed it",
+            cell=mean_share,
+        ),
+    ]
 
 
 def declutter_report(clutter: Mapping[str, Any]) -> list[str]:

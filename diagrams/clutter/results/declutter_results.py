@@ -23,6 +23,10 @@ from crossmodal.systems.port_values import (
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+_TITLES = {
+    DeclutterAction.GRASP: "grasps that held until the object was put down",
+    DeclutterAction.PUSH: "pushes that went all the way",
+}
 _MOVED = 0.02  # A target that was moved by more is to be noticed, [m].
 
 # What one does, and how the other ends, where all goes well.
@@ -154,7 +158,7 @@ def declutter_metrics() -> list[Metric]:
             name=f"{kind}_success",
             value=share(kind),
             by_estimator=False,
-            title=f"{kind}es that did what they should" if kind == "push" else "grasps that held",
+            title=_TITLES[kind],
             cell=mean_share,
         )
         for kind in DeclutterAction

@@ -103,7 +103,7 @@ def seen_objects(
     for index, name in enumerate(CLASSES[1:], start=1):
         mask = (classes == index) & usable
         if name == OTHER:
-            mask |= rises
+            mask = mask & ~(heights <= config.rise) | rises
         split = np.inf if name in TRANSPARENT else config.step  # Depth is of what is behind.
         for one in _single_objects(mask, scene, split):
             found.append(SeenObject(name="" if name == OTHER else name, mask=one))

@@ -27,6 +27,8 @@ class AroundConfig:
     near: float = number(0.1, at_least=0.0, at_most=10.0, unit="m")
     # Height of an object of which none was measured.
     unknown_top: float = number(0.3, above=0.0, at_most=2.0, unit="m")
+    # Of the middle of what is seen of an object, along each axis; the standard deviation.
+    middle_error: float = number(0.015, above=0.0, at_most=1.0, unit="m")
 
 
 def top_of(segment: Segment, config: AroundConfig) -> float:
@@ -86,24 +88,28 @@ def free_places(
 
 
 def guess_of(
-    segment: Segment, middle: Array, radius: float, height: float, config: AroundConfig
+    segment: Segment, middle: Array, longest: float, height: float, config: AroundConfig
 ) -> PosePrior:
     """Where about a known object is of which a part was seen; it may be turned in any way.
 
-    What was seen belongs to the object, so that the middle is at most its radius away: that is
-    taken for two standard deviations.
+    The part that others hide is as long as the object is longer than what was seen; then the
+    object's middle is anywhere within half of that, to both sides of the middle of what was seen.
 
     Args:
         segment: The object.
         middle: p_OM (3,) of its model, [m].
-        radius: Of the ball about the middle that holds it, [m].
+        longest: The longest edge of the model's bounding box, [m].
         height: Of the table in W, [m].
-        config: With the height of objects whose height is unknown.
+        config: With the height of objects whose height is unknown, and the outlines' error.
     """
+    top = top_of(segment, config)
     X_WM = np.eye(4)
-    X_WM[:3, 3] = [*segment.centroid, height + 0.5 * top_of(segment, config)]
+    X_WM[:3, 3] = [*segment.centroid, height + 0.5 * top]
+    edges = np.diff(shapely.get_coordinates(segment.box), axis=0)
+    seen = max(float(np.linalg.norm(edges, axis=1).max()), top)
+    hidden = max(longest - seen, 0.0)
     return PosePrior(
         X=of_mesh(X_WM, middle),
         rotation_sigma=np.inf,
-        translation_sigma=0.5 * radius,
+        translation_sigma=float(np.hypot(config.middle_error, 0.5 * hidden / np.sqrt(3.0))),
     )

@@ -35,8 +35,9 @@ class PushConfig:
     # Of the closed gripper's two fingers: across and along the push.
     width: float = number(0.027, above=0.0, at_most=0.5, unit="m")
     depth: float = number(0.028, above=0.0, at_most=0.5, unit="m")
-    # Free way of the finger before it meets the object: the object may be nearer than it seems.
-    gap: float = number(0.005, at_least=0.0, at_most=0.1, unit="m")
+    # Free way of the finger before it meets the object, which may be nearer than it seems: two
+    # standard deviations of what camera and arm, each 3 mm off, make of it.
+    gap: float = number(0.009, at_least=0.0, at_most=0.1, unit="m")
     # Of the push, from the contact on: what was near the target is then beyond mu_d.
     length: float = number(0.1, above=0.0, at_most=1.0, unit="m")
     # Farthest place of the finger beside the line through the centroid; 15 mm turn an object by

@@ -90,7 +90,7 @@ def add_declutter_control(
         DeclutterSequence(
             name,
             model.middle,
-            model.radius,
+            float(np.ptp(model.hull, axis=0).max()),
             height,
             _places(arms, table),
             table,

@@ -239,7 +239,7 @@ def brute_force(
 
 @pytest.mark.parametrize("seed", range(12))
 def test_a_plan_is_the_best_of_all(seed: int) -> None:
-    config = replace(CONFIG, aside=0.0025, friction=0.1)
+    config = replace(CONFIG, aside=0.0025, friction=0.1, gap=0.005)
     scene = list(random_scene(seed, count=6, spread=0.07))
     target, segment = scene[0], scene[3]
     others = [other for other in scene if other is not segment]

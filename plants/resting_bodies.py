@@ -1,7 +1,7 @@
 """Free bodies that rest cost nothing: they are locked, and freed again before anything meets them.
 
 Contact between bodies that rest takes most of the time of a scene with many of them. A locked body
-has no degrees of freedom, and no contact with what is locked or fixed. Whatever a robot or a moving
+has no degrees of freedom, and no contact with what is locked or fixed. One always stays free. Whatever a robot or a moving
 body may soon meet is free, and so is all that touches it, directly or through others: what lies on
 it, leans against it or bears it moves as if nothing had been locked.
 
@@ -98,6 +98,9 @@ class RestingBodies:
         disturbed = self._met(root, speeds, moves) | moves
         _, group = connected_components(csr_array(self._touching), directed=False)
         awake = np.isin(group, group[disturbed]) | (self._since > time - _TIME)
+        # The solver's tolerance is relative to the momenta. With arms at rest that bear no weight
+        # there would be none at all, and it would not converge.
+        awake[-1] |= not awake.any()
         self._lock(root, ~awake)
 
     def _speeds(self, context: Context) -> Array:

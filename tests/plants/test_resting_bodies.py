@@ -21,6 +21,7 @@ PLACES = {  # Of the middles. `upper` lies on `lower`, `beside` touches it.
     "beside": [EDGE, 0.0, 0.5 * EDGE],
     "next": [2.0 * EDGE + 0.02, 0.0, 0.5 * EDGE],
     "far": [0.0, 0.4, 0.5 * EDGE],
+    "last": [0.0, -0.4, 0.5 * EDGE],
 }
 # A finger goes to the boxes, pushes them, stays there, and leaves.
 STARTS, MEETS, STOPS, LEAVES, SPEED = 0.5, 1.5, 2.0, 3.0, 0.1
@@ -118,8 +119,8 @@ def free() -> Ran:
 
 def test_what_rests_is_locked_and_stays(locking: Ran) -> None:
     before = locking.times < MEETS - 0.1
-    assert locking.locked[before].all()
-    assert np.ptp(locking.places[before], axis=0).max() == 0.0
+    assert locking.locked[before][:, :-1].all()
+    assert np.ptp(locking.places[before][:, :-1], axis=0).max() == 0.0
 
 
 def test_what_is_pushed_and_what_touches_it_is_free_before_it_is_met(locking: Ran) -> None:
@@ -140,7 +141,11 @@ def test_what_is_far_stays_locked(locking: Ran) -> None:
 def test_all_are_locked_again_once_they_rest_and_nothing_is_near(locking: Ran) -> None:
     pressed = (locking.times > STOPS) & (locking.times < LEAVES)
     assert not locking.locked[pressed][:, :3].any()
-    assert locking.locked[locking.times > LEAVES + 1.0].all()
+    assert locking.locked[locking.times > LEAVES + 1.0][:, :-1].all()
+
+
+def test_one_body_is_always_free(locking: Ran) -> None:
+    assert not locking.locked.all(axis=1)[1:].any()
 
 
 def test_bodies_move_as_without_locks(locking: Ran, free: Ran) -> None:

@@ -29,12 +29,12 @@ _REACH = 0.13  # Of the fingers beyond the palm, [m].
 _RAIL = (0.17, 0.036, 0.024)  # On which the fingers slide, [m].
 _RAIL_TOP = 0.102  # Along z of the palm, [m].
 _PALM_MASS, _FINGER_MASS = 0.8, 0.1  # [kg].
-_EFFORT, _STIFFNESS, _DAMPING = 5.0, 2000.0, 60.0  # Of a finger's drive: [N], [N/m], [N s/m].
+_EFFORT, _STIFFNESS, _DAMPING = 10.0, 2000.0, 60.0  # Of a finger's drive: [N], [N/m], [N s/m].
 _DARK, _GREY, _SKIN = "0.16 0.17 0.19 1", "0.45 0.46 0.48 1", "0.30 0.32 0.35 1"
 _HEAD = """<!-- Made by crossmodal.models.make_gripper.
      A gripper with two fingers that slide. Stroke (140 mm), width of the fingers and mass (1 kg)
      are those of a Robotiq 2F-140, whose fingers swing, however. Each finger has a drive that
-     pushes with 5 N at most; 0 is closed.
+     pushes with 10 N at most, the least to which that gripper can be set; 0 is closed.
      On each finger are 70 taxels in four arrays, as on XELA's fingers: phalange 4x6, outer 4x6,
      tip 2x3, inner 4x4. Each is a sphere of 3 mm radius with a point contact of its own, 4.7 mm
      from its neighbours; it sticks out of the finger's core by 1.5 mm. Those of a tip are 8 and

@@ -23,11 +23,13 @@ class JointMotion(Immutable):
         knots: Postures (K, n), [rad].
         steady: Whether the segments are passed at constant rates; else each goes from rest to rest
             by the minimum-jerk blend.
+        eased: Whether time runs by that blend over the whole motion, from rest to rest.
     """
 
     times: Array
     knots: Array
     steady: bool = False
+    eased: bool = False
 
     @property
     def end(self) -> float:
@@ -36,6 +38,7 @@ class JointMotion(Immutable):
 
     def at(self, time: float) -> Array:
         """The posture (n,) at a time [s]; before the first knot and after the last one, theirs."""
+        time = self._eased(time)
         k = int(np.searchsorted(self.times, time, side="right")) - 1
         if k < 0 or k + 1 >= len(self.times):
             return self.knots[max(k, 0)]
@@ -52,10 +55,16 @@ class JointMotion(Immutable):
             time: At which the arm is there, [s].
             q: Its posture (n,), [rad].
         """
-        passed = self.knots[: int(np.searchsorted(self.times, time))]
+        passed = self.knots[: int(np.searchsorted(self.times, self._eased(time)))]
         while len(passed) > 1 and (passed[-1] - q) @ (passed[-1] - passed[-2]) > 0.0:
             passed = passed[:-1]
         return np.vstack([q, passed[::-1]])
+
+    def _eased(self, time: float) -> float:
+        start, duration = float(self.times[0]), self.end - float(self.times[0])
+        if not self.eased or duration == 0.0:
+            return time
+        return start + duration * minimum_jerk((time - start) / duration)[0]
 
 
 def resting(q: Array) -> JointMotion:
@@ -87,11 +96,17 @@ def rest_to_rest(
 
 
 def along_line(
-    postures: Array, arm: ArmModel, start: float, speed: float, joint_speed: Array
+    postures: Array,
+    arm: ArmModel,
+    start: float,
+    speed: float,
+    joint_speed: Array,
+    eased: bool = False,
 ) -> JointMotion:
     """The motion through postures (K, n) close to each other, the end-effector at one speed.
 
-    It is slower where a joint would be too fast.
+    It is slower where a joint would be too fast, and at the ends if it is eased; then `speed` is
+    its largest.
 
     Args:
         postures: [rad].
@@ -99,11 +114,12 @@ def along_line(
         start: When it begins, [s].
         speed: Of the end-effector's origin, [m/s].
         joint_speed: Largest speed of each joint (n,), [rad/s].
+        eased: Whether it goes from rest to rest by the minimum-jerk blend.
     """
     still = np.zeros(arm.num_joints)
     p = np.array([arm.Evaluate(np.append(q, still)).X_WE[:3, 3] for q in postures])
     steps = np.linalg.norm(np.diff(p, axis=0), axis=1) / speed
     steps = np.maximum(steps, np.max(np.abs(np.diff(postures, axis=0)) / joint_speed, axis=1))
     steps = np.maximum(steps, 1e-6)  # Times increase also where a posture comes twice.
-    times = start + np.concatenate([[0.0], np.cumsum(steps)])
-    return JointMotion(times=times, knots=np.array(postures), steady=True)
+    passed = np.concatenate([[0.0], np.cumsum(steps)]) * (PEAK_RATE if eased else 1.0)
+    return JointMotion(times=start + passed, knots=np.array(postures), steady=True, eased=eased)

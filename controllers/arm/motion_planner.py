@@ -85,14 +85,20 @@ class MotionPlanner:
         self._q = plant.GetPositions(plant.CreateDefaultContext())
 
     def look_at(
-        self, others: Mapping[str, Array], obstacles: Sequence[tuple[Array, RigidTransform]] = ()
+        self,
+        others: Mapping[str, Array],
+        obstacles: Sequence[tuple[Array, RigidTransform]] = (),
+        clearance: float | None = None,
     ) -> None:
         """Takes over how other models stand, and which boxes are in the way.
 
         Args:
             others: Joint positions by the names of their models.
             obstacles: Edges (3,) [m] and pose X_WB of each box.
+            clearance: Least distance from all that, instead of the configured one, [m].
         """
+        padding = self._config.clearance if clearance is None else clearance
+        self._checker.SetPaddingAllRobotEnvironmentPairs(padding)
         for name, q in others.items():
             self._plant.SetPositionsInArray(self._plant.GetModelInstanceByName(name), q, self._q)
         self._checker.RemoveAllAddedCollisionShapes(_OBSTACLE)

@@ -14,7 +14,8 @@ from crossmodal.controllers.arm.joint_motion import JointMotion, along_line, res
 from crossmodal.controllers.arm.kinematics import ArmModel
 from crossmodal.controllers.arm.motion_planner import MotionPlanner
 from crossmodal.controllers.primitives.arm_task import ArmTask, TransitConfig, believed_box
-from crossmodal.maths.arrays import Array, Ids, Mask
+from crossmodal.controllers.primitives.taxel_tare import TaxelTare, no_tare, tare
+from crossmodal.maths.arrays import Array, Ids
 from crossmodal.maths.immutable import Immutable
 from crossmodal.maths.validation import check, number
 
@@ -87,8 +88,7 @@ class TouchState(Immutable):
         path: Postures on the way to the approach (K, n), [rad].
         line: Postures of the approach (K, n), [rad].
         readings: Of the taxels (K, 3 T) since the phase began, while their offsets are taken, [N].
-        offsets: Of the taxels (3 T,), [N].
-        works: Which taxels (T,) are trusted: one that works is never without noise.
+        tare: Of the taxels.
         failure: Why it does not touch any more; empty while it does.
         stays: Whether no way home was found, so that it stays where it is.
         exceeded: Decisions in a row at which a taxel exceeded the threshold.
@@ -97,8 +97,7 @@ class TouchState(Immutable):
     """
 
     motion: JointMotion
-    offsets: Array
-    works: Mask
+    tare: TaxelTare
     phase: TouchPhase = TouchPhase.WAIT
     number: int = 0
     since: float = 0.0
@@ -163,11 +162,7 @@ class GuardedTouch(ArmTask):
         self._touch = self.DeclareAbstractInputPort("touch_latest", Value[object]())
         self._taxels = self.DeclareVectorInputPort("taxel_measured", 3 * taxels)
         self._is_clear = self.DeclareVectorInputPort("is_clear", 1)
-        first = TouchState(
-            motion=resting(q_home),
-            offsets=np.zeros(3 * taxels),
-            works=np.ones(taxels, bool),
-        )
+        first = TouchState(motion=resting(q_home), tare=no_tare(taxels))
         self._declare_state(first, config.period)
         self._declare_command()
         self._declare_value("touch_end", TouchEnd(), lambda c: self._state(c).end, self._on_state)
@@ -245,26 +240,23 @@ class GuardedTouch(ArmTask):
         readings = np.vstack([state.readings, self._taxels.Eval(context)])
         if time < state.since + self._config.tare_time:
             return replace(state, readings=readings)
-        changed = np.any(readings[1:] != readings[:-1], axis=0)
-        works: Mask = np.any(changed.reshape(-1, 3), axis=1)
-        if not works[self._guards].all():
-            silent = ", ".join(str(n) for n in self._guards[~works[self._guards]])
+        # The first reading was taken as the arm came to rest.
+        taken = tare(readings[1:])
+        if not taken.works[self._guards].all():
+            silent = ", ".join(str(n) for n in self._guards[~taken.works[self._guards]])
             why = f"taxels {silent} at the fingers' end always say the same: no touch is safe"
             return replace(state, phase=TouchPhase.WAIT, failure=why)
         return replace(
             state,
             phase=TouchPhase.TRANSIT,
             motion=self._motion(state.path, time),
-            # The first reading was taken as the arm came to rest.
-            offsets=readings[1:].mean(axis=0),
-            works=works,
+            tare=taken,
             exceeded=0,
         )
 
     def _forces(self, context: Context, state: TouchState) -> Array:
         """Forces (T, 3) beyond the offsets, on taxels that work, [N]."""
-        forces = np.array(self._taxels.Eval(context)) - state.offsets
-        return np.where(state.works[:, None], forces.reshape(-1, 3), 0.0)
+        return state.tare.forces(np.asarray(self._taxels.Eval(context)))
 
     def _approach(self, context: Context, state: TouchState) -> TouchState:
         time, speed = context.get_time(), self._config.speed

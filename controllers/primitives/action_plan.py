@@ -1,0 +1,267 @@
+"""The motions of an arm that takes an object away: straight lines near objects, a path to them."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import islice
+from typing import Any
+
+import numpy as np
+from pydrake.math import RigidTransform, RotationMatrix
+
+from crossmodal.controllers.arm.motion_planner import MotionPlanner
+from crossmodal.controllers.primitives.move_object_config import ActionPhase, MoveObjectConfig
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.immutable import Immutable
+from crossmodal.models.gripper_taxels import TRAVEL
+
+_UP = np.array([0.0, 0.0, 1.0])
+_POSTURES = 4  # Of the arm, that are tried for one place of the gripper.
+_SHORT = 2e-3  # By which a straight line may end early, [m].
+_AROUND = 0.3  # Edge of the box around an object, of which only the height is known, [m].
+
+
+@dataclass(frozen=True, kw_only=True)
+class Leg(Immutable):
+    """A part of an action.
+
+    Attributes:
+        phase: What is done.
+        postures: Through which the arm moves (K, n), [rad]; none where the fingers move.
+        speed: Largest one of the end-effector, [m/s].
+        undoes: Whether it goes back over the last leg, so that neither is left to be undone.
+    """
+
+    phase: ActionPhase
+    postures: Array | None = None
+    speed: float = 0.0
+    undoes: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class ActionPlan(Immutable):
+    """What is done one after the other.
+
+    Attributes:
+        legs: Of the action.
+        opening: How far each finger is opened on the way, [m].
+        X_WE: Of the gripper (4, 4) when it has come down.
+    """
+
+    legs: tuple[Leg, ...]
+    opening: float
+    X_WE: Array
+
+
+class ActionPlanner:
+    """Plans for one arm; between its plans the gripper is closed in the planner's scene.
+
+    Args:
+        planner: Of the arm.
+        gripper: Name of the gripper's model in its scene.
+        config: Of the actions.
+    """
+
+    def __init__(self, planner: MotionPlanner, gripper: str, config: MoveObjectConfig) -> None:
+        self._planner, self._gripper, self._config = planner, gripper, config
+
+    def plan(
+        self, request: Any, q_start: Array, guesses: list[Array], others: dict[str, Array]
+    ) -> ActionPlan | None:
+        """The plan of a request; None if the arm cannot do it.
+
+        Args:
+            request: An `ActionRequest`.
+            q_start: Where the arm is (n,), [rad].
+            guesses: Postures (n,) near which others are sought, [rad].
+            others: Joint positions of other models by their names.
+        """
+        for plan, x, y in (
+            self._grasps(request, guesses, others)
+            if request.action == "grasp"
+            else self._pushes(request, guesses, others)
+        ):
+            down = plan.legs[0].postures
+            assert down is not None
+            path = self.path(request, plan, np.array([x, y]), q_start, down[0], others)
+            if path is not None:
+                legs = (Leg(phase=ActionPhase.TRANSIT, postures=path), *plan.legs)
+                return replace(plan, legs=legs)
+        self._close()
+        return None
+
+    def path(
+        self,
+        request: Any,
+        plan: ActionPlan,
+        place: Array,
+        q_start: Array,
+        q_goal: Array,
+        others: dict[str, Array],
+    ) -> Array | None:
+        """Postures (K, n) from one to another around all objects; None if none was found, [rad].
+
+        Args:
+            request: With them.
+            plan: Of that.
+            place: Of the object that is acted on (2,), in W, [m].
+            q_start: Where it begins (n,), [rad].
+            q_goal: Where it ends (n,), [rad].
+            others: Joint positions of other models by their names.
+        """
+        top = self._top(request, plan.X_WE)
+        around = (np.array([_AROUND, _AROUND, top]), RigidTransform([*place, 0.5 * top]))
+        self._look(request, others, plan.opening, [around])
+        path = self._planner.path(q_start, q_goal, np.random.default_rng(request.number))
+        self._close()
+        return path
+
+    def down(
+        self, request: Any, plan: ActionPlan, q: Array, length: float, others: dict[str, Array]
+    ) -> Array:
+        """Postures (K, n) straight down from one, as far as it is free, [rad].
+
+        Args:
+            request: With all objects.
+            plan: Of that.
+            q: Where it begins (n,), [rad].
+            length: Of the line, [m].
+            others: Joint positions of other models by their names.
+        """
+        self._look(request, others, plan.opening)
+        line = self._planner.line(q, -_UP, length)
+        self._close()
+        return line
+
+    def _close(self) -> None:
+        self._planner.look_at({self._gripper: np.zeros(2)})
+
+    def _grasps(
+        self, request: Any, guesses: list[Array], others: dict[str, Array]
+    ) -> Iterator[tuple[ActionPlan, float, float]]:
+        for grasp in request.grasps:
+            opening = min(0.5 * grasp.width, TRAVEL)
+            for turn in (0.0, np.pi):  # The gripper is symmetric.
+                X_WE = RigidTransform(grasp.X_WE) @ RigidTransform(
+                    RotationMatrix.MakeZRotation(turn), np.zeros(3)
+                )
+                self._look(request, others, opening)
+                for down in self._ways_down(request, X_WE, guesses):
+                    carried = self._carried(request, down[-1], X_WE.translation())
+                    if carried is None:
+                        continue
+                    legs = (
+                        Leg(
+                            phase=ActionPhase.DESCEND,
+                            postures=down,
+                            speed=self._config.descent_speed,
+                        ),
+                        Leg(phase=ActionPhase.CLOSE),
+                        *carried,
+                        Leg(phase=ActionPhase.OPEN),
+                    )
+                    x, y, _ = X_WE.translation()
+                    yield (
+                        ActionPlan(legs=legs, opening=opening, X_WE=X_WE.GetAsMatrix4()),
+                        x,
+                        y,
+                    )
+                    break
+
+    def _carried(self, request: Any, q: Array, p_WE: Array) -> tuple[Leg, ...] | None:
+        """Up, level and down again, to the first place where that is possible."""
+        config = self._config
+        tops = [edges[2] / 2 + X_WB[2, 3] for edges, X_WB in request.obstacles]
+        least = config.lift
+        wanted = max([least, *(top + config.above for top in tops)])
+        lift = self._planner.line(q, _UP, wanted)
+        height = self._planner.length(lift)
+        if height < least - _SHORT:
+            return None
+        for place in request.places:
+            way = np.append(place - p_WE[:2], 0.0)
+            length = float(np.linalg.norm(way))
+            level = self._planner.line(lift[-1], way / max(length, 1e-9), length)
+            if self._planner.length(level) < length - _SHORT:
+                continue
+            free = height - config.above
+            fast = self._planner.line(level[-1], -_UP, free)
+            slow = self._planner.line(fast[-1], -_UP, height - self._planner.length(fast))
+            if self._planner.length(fast) + self._planner.length(slow) < height - _SHORT:
+                continue
+            # What it has lain on may have been something else: it goes on to the table.
+            further = self._planner.line(slow[-1], -_UP, p_WE[2])
+            slow = np.vstack([slow, further[1:]])
+            return (
+                Leg(phase=ActionPhase.LIFT, postures=lift, speed=config.carry_speed),
+                Leg(phase=ActionPhase.CARRY, postures=level, speed=config.carry_speed),
+                Leg(phase=ActionPhase.LOWER, postures=fast, speed=config.carry_speed),
+                Leg(phase=ActionPhase.LOWER, postures=slow, speed=config.speed),
+            )
+        return None
+
+    def _pushes(
+        self, request: Any, guesses: list[Array], others: dict[str, Array]
+    ) -> Iterator[tuple[ActionPlan, float, float]]:
+        push, config = request.push, self._config
+        if push.why:
+            return
+        along = np.append(push.direction, 0.0)
+        across = np.cross(_UP, along)
+        c = push.finger.centroid
+        height = min(config.push_height, push.height)
+        self._look(request, others, 0.0)
+        for sign in (1.0, -1.0):  # Either finger may be in front; z is down.
+            R_WE = RotationMatrix(np.column_stack([sign * along, -sign * across, -_UP]))
+            X_WE = RigidTransform(R_WE, [c.x, c.y, height])
+            for down in self._ways_down(request, X_WE, guesses):
+                pushed = self._planner.line(down[-1], along, push.length + config.push_reach)
+                if self._planner.length(pushed) < push.length:
+                    continue
+                legs = (
+                    Leg(
+                        phase=ActionPhase.DESCEND,
+                        postures=down,
+                        speed=config.descent_speed,
+                    ),
+                    Leg(phase=ActionPhase.PUSH, postures=pushed, speed=config.speed),
+                )
+                yield (
+                    ActionPlan(legs=legs, opening=0.0, X_WE=X_WE.GetAsMatrix4()),
+                    push.point[0],
+                    push.point[1],
+                )
+                break
+
+    def _ways_down(
+        self, request: Any, X_WE: RigidTransform, guesses: list[Array]
+    ) -> Iterator[Array]:
+        """Postures (K, n) along z of E to a pose, from above the object's top."""
+        z = X_WE.rotation().col(2)
+        top = self._top(request, X_WE.GetAsMatrix4())
+        length = max(top - X_WE.translation()[2], 0.0) + self._config.above
+        X_before = RigidTransform(X_WE.rotation(), X_WE.translation() - length * z)
+        for q in islice(self._planner.postures(X_before, guesses), _POSTURES):
+            if self._planner.is_free(q):
+                down = self._planner.line(q, z, length)
+                if self._planner.length(down) > length - _SHORT:
+                    yield down
+
+    @staticmethod
+    def _top(request: Any, X_WE: Array) -> float:
+        """Height of the object; where it is not known, some more than that of the gripper."""
+        return float(request.top if np.isfinite(request.top) else X_WE[2, 3] + 0.05)
+
+    def _look(
+        self,
+        request: Any,
+        others: dict[str, Array],
+        opening: float,
+        around: list[tuple[Array, RigidTransform]] | None = None,
+    ) -> None:
+        """What is in the way: with the object around, on the way to it, and near it without."""
+        boxes = [(edges, RigidTransform(X_WB)) for edges, X_WB in request.obstacles]
+        self._planner.look_at(
+            {**others, self._gripper: np.full(2, opening)},
+            boxes + (around or []),
+            None if around else self._config.near,
+        )

@@ -1,7 +1,7 @@
 """The motions of an arm that takes an object away: straight lines near objects, a path to them."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Any
 
@@ -53,7 +53,7 @@ class ActionPlan(Immutable):
 
 
 class ActionPlanner:
-    """Plans for one arm.
+    """Plans for one arm; between its plans the gripper is closed in the planner's scene.
 
     Args:
         planner: Of the arm.
@@ -77,7 +77,7 @@ class ActionPlanner:
         """
         for plan, x, y in (
             self._grasps(request, guesses, others)
-            if request.grasps
+            if request.action == "grasp"
             else self._pushes(request, guesses, others)
         ):
             down = plan.legs[0].postures
@@ -85,7 +85,8 @@ class ActionPlanner:
             path = self.path(request, plan, np.array([x, y]), q_start, down[0], others)
             if path is not None:
                 legs = (Leg(phase=ActionPhase.TRANSIT, postures=path), *plan.legs)
-                return ActionPlan(legs=legs, opening=plan.opening, X_WE=plan.X_WE)
+                return replace(plan, legs=legs)
+        self._close()
         return None
 
     def path(
@@ -110,11 +111,29 @@ class ActionPlanner:
         top = self._top(request, plan.X_WE)
         around = (np.array([_AROUND, _AROUND, top]), RigidTransform([*place, 0.5 * top]))
         self._look(request, others, plan.opening, [around])
-        return self._planner.path(q_start, q_goal, np.random.default_rng(request.number))
+        path = self._planner.path(q_start, q_goal, np.random.default_rng(request.number))
+        self._close()
+        return path
 
-    def down(self, q: Array, length: float) -> Array:
-        """Postures (K, n) straight down from one, as far as it is free; after `plan`, [rad]."""
-        return self._planner.line(q, -_UP, length)
+    def down(
+        self, request: Any, plan: ActionPlan, q: Array, length: float, others: dict[str, Array]
+    ) -> Array:
+        """Postures (K, n) straight down from one, as far as it is free, [rad].
+
+        Args:
+            request: With all objects.
+            plan: Of that.
+            q: Where it begins (n,), [rad].
+            length: Of the line, [m].
+            others: Joint positions of other models by their names.
+        """
+        self._look(request, others, plan.opening)
+        line = self._planner.line(q, -_UP, length)
+        self._close()
+        return line
+
+    def _close(self) -> None:
+        self._planner.look_at({self._gripper: np.zeros(2)})
 
     def _grasps(
         self, request: Any, guesses: list[Array], others: dict[str, Array]
@@ -166,10 +185,12 @@ class ActionPlanner:
                 continue
             free = height - config.above
             fast = self._planner.line(level[-1], -_UP, free)
-            # What it has lain on may have been something else: it goes on to the table.
-            slow = self._planner.line(fast[-1], -_UP, config.above + p_WE[2])
+            slow = self._planner.line(fast[-1], -_UP, height - self._planner.length(fast))
             if self._planner.length(fast) + self._planner.length(slow) < height - _SHORT:
                 continue
+            # What it has lain on may have been something else: it goes on to the table.
+            further = self._planner.line(slow[-1], -_UP, p_WE[2])
+            slow = np.vstack([slow, further[1:]])
             return (
                 Leg(phase=ActionPhase.LIFT, postures=lift, speed=config.carry_speed),
                 Leg(phase=ActionPhase.CARRY, postures=level, speed=config.carry_speed),
@@ -182,6 +203,8 @@ class ActionPlanner:
         self, request: Any, guesses: list[Array], others: dict[str, Array]
     ) -> Iterator[tuple[ActionPlan, float, float]]:
         push, config = request.push, self._config
+        if push.why:
+            return
         along = np.append(push.direction, 0.0)
         across = np.cross(_UP, along)
         c = push.finger.centroid

@@ -43,7 +43,7 @@ def finger_forces(forces: Array, noise: float) -> FingerForces:
     """
     inwards = _SIGNS[_FINGER] * forces[:, 0]
     pressed = inwards > _LOADED * noise
-    normal = np.bincount(_FINGER, np.where(pressed, inwards, 0.0), 2).astype(float)
+    normal = np.where(pressed, inwards, 0.0).reshape(2, -1).sum(axis=1)
     return FingerForces(normal=normal, shear=forces[pressed, 1:].sum(axis=0))
 
 
@@ -60,7 +60,7 @@ class Grip(Immutable):
         met: Which fingers (2,) have met something.
         since: When both had, [s]; infinite before.
         force: Normal force of a finger that is wanted, [N].
-        width: Between the fingers then, [m].
+        width: Between the fingers as they began to lift something, [m].
     """
 
     command: Array = field(default_factory=lambda: np.zeros(2))
@@ -123,9 +123,12 @@ class Grip(Immutable):
         step = min(_GAIN * error, config.finger_speed * period)
         return replace(self, command=np.maximum(self.command - step, farthest), force=force)
 
-    def holds(self, forces: FingerForces, measured: Array, config: GripConfig) -> bool:
-        """Whether the fingers are apart and press, and bear what they carry."""
-        normal = forces.normal.sum()
-        closed = measured.sum() < max(self.width, 2 * config.least_width) - config.least_width
-        slips = self.force >= config.largest_force and forces.load > config.largest_load * normal
-        return bool(normal > config.force and not closed and not slips)
+    def has(self, forces: FingerForces, measured: Array, config: GripConfig) -> bool:
+        """Whether something is between the fingers: they are apart, as before, and press."""
+        least = max(self.width - config.least_width, config.least_width)
+        return bool(forces.normal.sum() > config.force and measured.sum() > least)
+
+    def slips(self, forces: FingerForces, config: GripConfig) -> bool:
+        """Whether even the largest force does not bear what is carried."""
+        share = config.largest_load * forces.normal.sum()
+        return self.force >= config.largest_force and forces.load > share

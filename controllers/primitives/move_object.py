@@ -202,9 +202,13 @@ class MoveObject(ArmTask):
     def _finger_forces(self, state: MoveState) -> FingerForces:
         return finger_forces(state.forces, state.tare.noise)
 
-    def _holds(self, context: Context, state: MoveState) -> bool:
+    def _has(self, context: Context, state: MoveState) -> bool:
         measured = np.asarray(self._fingers.Eval(context))
-        return state.grip.holds(self._finger_forces(state), measured, self._config.grip)
+        return state.grip.has(self._finger_forces(state), measured, self._config.grip)
+
+    def _holds(self, context: Context, state: MoveState) -> bool:
+        slips = state.grip.slips(self._finger_forces(state), self._config.grip)
+        return self._has(context, state) and not slips
 
     # What follows in each phase.
 
@@ -267,7 +271,7 @@ class MoveObject(ArmTask):
         if context.get_time() < grip.since + config.settling:
             return state
         width = float(np.sum(self._fingers.Eval(context)))
-        if width < config.least_width or not self._holds(context, state):
+        if not self._has(context, state):
             missed = replace(state, end=replace(state.end, outcome=ActionOutcome.MISSED))
             return self._begin(context, replace(missed, legs=(Leg(phase=ActionPhase.OPEN),)))
         return self._begin(context, replace(state, grip=replace(grip, width=width)))
@@ -285,7 +289,9 @@ class MoveObject(ArmTask):
         if state.phase is ActionPhase.LIFT:
             back = state.motion.back(time, q)
         else:
-            back = self._actions.down(q, self._arm_state(context).X_WE[2, 3])
+            assert state.plan is not None
+            height, others = self._arm_state(context).X_WE[2, 3], self._others_now(context)
+            back = self._actions.down(state.request, state.plan, q, height, others)
         lower = Leg(
             phase=ActionPhase.LOWER,
             postures=back,
@@ -390,7 +396,9 @@ class MoveObject(ArmTask):
         q = state.motion.at(time)
         trail, (leg, *rest) = state.trail, state.legs or (Leg(phase=ActionPhase.RETREAT),)
         if state.leg.postures is not None and not (state.leg.undoes or leg.undoes):
-            trail = (*trail, replace(state.leg, postures=state.motion.back(time, q)))
+            back = state.motion.back(time, q)
+            speed = max(state.leg.speed, self._config.descent_speed)
+            trail = (*trail, replace(state.leg, postures=back, speed=speed))
         motion = resting(q) if leg.postures is None else self._leg_motion(leg, time)
         state = replace(state, leg=leg, motion=motion, trail=trail, legs=tuple(rest))
         return self._retreat(context, state) if leg.phase is ActionPhase.RETREAT else state

@@ -16,7 +16,8 @@ class GripConfig:
     finger_speed: float = number(0.1, above=0.0, at_most=1.0, unit="m/s")
     # Of a finger's drive.
     stiffness: float = number(2000.0, above=0.0, at_most=1e6, unit="N/m")
-    # Normal force of a finger with which it holds, and the largest one.
+    # Normal force of a finger with which it holds, and the largest one. A finger whose drive needs
+    # the latter has met something: it is more than what moves it at its speed, 6 N.
     force: float = number(5.0, above=0.0, at_most=100.0, unit="N")
     largest_force: float = number(9.0, above=0.0, at_most=100.0, unit="N")
     # Of a finger: it has met something. The sum over its taxels has a noise of .05 N.

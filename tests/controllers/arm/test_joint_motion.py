@@ -69,6 +69,17 @@ def test_a_line_is_passed_at_one_speed() -> None:
     assert_allclose(hand, 0.05, rtol=5e-3)
 
 
+def test_an_eased_line_goes_from_rest_to_rest_and_back_over_what_it_passed() -> None:
+    line = np.linspace(PATH[0], PATH[1], 40)
+    motion = along_line(line, arm_model(), START, 0.05, LIMITS, eased=True)
+    times = np.linspace(START, motion.end, 400)
+    _, hand = speeds(np.array([motion.at(t) for t in times]), float(times[1] - times[0]))
+    assert np.max(hand) == pytest.approx(0.05, rel=1e-2)
+    assert max(hand[0], hand[-1]) < 1e-4
+    early = START + 0.2 * (motion.end - START)  # 5.8 % of the way.
+    assert_allclose(motion.back(early, motion.at(early)), [motion.at(early), *line[2::-1]])
+
+
 def test_a_line_is_slower_where_a_joint_would_be_too_fast() -> None:
     line = np.linspace(PATH[0], PATH[1], 40)
     motion = along_line(line, arm_model(), START, 10.0, LIMITS)

@@ -135,6 +135,16 @@ def test_a_line_ends_before_the_table(planner: MotionPlanner) -> None:
     assert 0.01 <= pose_at(touch_arm(), line[-1])[2, 3] < 0.021
 
 
+def test_a_line_comes_nearer_to_the_table_with_less_clearance(planner: MotionPlanner) -> None:
+    q = planner.posture(ABOVE_TABLE, [UR5_HOME])
+    assert q is not None
+    for clearance in (0.003, None):
+        planner.look_at(CAMERA_AWAY, clearance=clearance)
+        line = planner.line(q, DOWN, ABOVE_TABLE.translation()[2] - 0.005)
+        whole = planner.length(line) > 0.244
+        assert whole == (clearance is not None)
+
+
 def test_a_line_ends_where_the_arm_cannot_reach_any_more(planner: MotionPlanner) -> None:
     q = planner.posture(ABOVE_TABLE, [UR5_HOME])
     assert q is not None

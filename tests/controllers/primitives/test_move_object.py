@@ -102,8 +102,8 @@ class World:
             return forces, np.maximum(command, 0.0)
         fingers = np.maximum(command, self.half_width)
         normal = np.clip(STIFFNESS * (fingers - command), 0.0, 10.0) * (self.half_width > 0.0)
-        # It hangs on the fingers from a millimetre above the table on.
-        load = self.weight if height > HEIGHT + 0.001 and normal.all() else 0.0
+        # It hangs on the fingers as soon as it is lifted by some millimetres.
+        load = self.weight if height > HEIGHT + 0.004 and normal.all() else 0.0
         if load > self.friction * normal.sum():
             self.half_width = 0.0
             return forces, np.maximum(command, 0.0)
@@ -189,7 +189,7 @@ def test_a_grasp_is_made_phase_by_phase(planner: MotionPlanner) -> None:
     trial, end = done(planner, GRASP, World())
     assert end.outcome == "placed"
     assert_allclose(end.X_WE[:2, 3], PLACE, atol=1e-3)
-    assert HEIGHT - 1e-3 < end.X_WE[2, 3] < HEIGHT + 2e-3
+    assert HEIGHT - 1e-3 < end.X_WE[2, 3] < HEIGHT + 5e-3
     assert_allclose(end.X_WE[:3, 2], [0.0, 0.0, -1.0], atol=2e-3)
     grasping = [str(phase) for phase in ActionPhase if phase != ActionPhase.PUSH]
     assert trial.phases == [*grasping, ""]
@@ -347,4 +347,4 @@ def test_documented_ports_are_the_declared_ones(planner: MotionPlanner) -> None:
     outputs = [system.get_output_port(k).get_name() for k in range(system.num_output_ports())]
     named = [name.replace("<other>", "camera_arm") for name in documented_of(MoveObject, "input")]
     assert sorted(named) == sorted(inputs)
-    assert documented_of(MoveObject, "output")[1:] == outputs
+    assert documented_of(MoveObject, "output") == outputs

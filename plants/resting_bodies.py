@@ -1,9 +1,9 @@
 """Free bodies that rest cost nothing: they are locked, and freed again before anything meets them.
 
 Contact between bodies that rest takes most of the time of a scene with many of them. A locked body
-has no degrees of freedom, and no contact with what is locked or fixed. One always stays free. Whatever a robot or a moving
-body may soon meet is free, and so is all that touches it, directly or through others: what lies on
-it, leans against it or bears it moves as if nothing had been locked.
+has no degrees of freedom, and no contact with what is locked or fixed. One always stays free.
+Whatever a robot or a moving body may soon meet is free, and so is all that touches it, directly or
+through others: what lies on it, leans against it or bears it moves as if nothing had been locked.
 
 This is a matter of the simulation alone: who measures and who controls knows nothing of it.
 """

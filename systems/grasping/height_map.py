@@ -105,7 +105,7 @@ def seen_points(
 
 def _fill(heights: Array, mask: Mask) -> None:
     """Writes heights (H, W) of an object's pixels where they are not known."""
-    part = np.ix_(*(_extent(mask.any(axis=axis)) for axis in (1, 0)))
+    part = np.ix_(*(_extent(np.asarray(mask.any(axis=axis))) for axis in (1, 0)))
     mask, own = mask[part], heights[part]
     known = mask & (own > _LOWEST)
     if known.sum() < _SEEN * mask.sum():

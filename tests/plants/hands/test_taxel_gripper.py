@@ -152,7 +152,7 @@ def shapes_in_E(
     return np.array(spheres), cores
 
 
-def test_it_holds_the_can_with_5_newtons(held: Held) -> None:
+def test_it_holds_the_can_with_10_newtons(held: Held) -> None:
     plant = held.plant
     can = plant.GetBodyByName("can")
     start = np.array([0.0, 0.0, -0.02])
@@ -164,7 +164,7 @@ def test_it_holds_the_can_with_5_newtons(held: Held) -> None:
     assert_allclose(place, start, atol=5e-4)
     forces, finger = held.taxel_forces(), gripper_taxels().finger
     sums = np.array([forces[finger == k].sum(axis=0) for k in (0, 1)])
-    assert_allclose(sums[:, 0], [5.0, -5.0], atol=0.05)
+    assert_allclose(sums[:, 0], [10.0, -10.0], atol=0.1)
     weight = can.default_mass() * 9.81
     assert_allclose(sums[:, 2].sum(), -weight, atol=0.05)
     assert np.count_nonzero(np.linalg.norm(forces, axis=1) > 0.01) > 10

@@ -1,10 +1,11 @@
 """Measurements of views and touches through the ports of the system that makes them."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 import pytest
+import shapely
 import trimesh
 from numpy.testing import assert_allclose
 from pydrake.common.value import AbstractValue
@@ -21,8 +22,11 @@ from crossmodal.systems.arm_pose import ArmPose
 from crossmodal.systems.port_values import (
     NO_MEASUREMENT,
     NO_PRIOR,
+    ObjectMasks,
     PoseMeasurement,
     PosePrior,
+    Segment,
+    Segments,
     StampedImage,
 )
 from crossmodal.systems.pose.pose_measurements import (
@@ -79,7 +83,9 @@ class Trial:
     def __init__(self) -> None:
         mesh = trimesh.creation.box(extents=EDGES)
         model = make_target(mesh.vertices, mesh.faces)
-        self.system = PoseMeasurements(model, CAMERA, TAXELS, NOISE, 0.0, TargetViewConfig(), 0.1)
+        self.system = PoseMeasurements(
+            model, CAMERA, TAXELS, NOISE, 0.0, TargetViewConfig(), 0.1, "box"
+        )
         self.context = self.system.CreateDefaultContext()
         guess = np.eye(4)
         guess[:3, 3] = MIDDLE + np.array([0.01, -0.01, 0.0])
@@ -142,6 +148,28 @@ def test_before_the_object_is_looked_for_views_do_not_count() -> None:
     assert trial.tick() is NO_MEASUREMENT
     trial.say("looked", 4)
     assert (trial.tick().number, len(trial.tick().points) > 20) == (1, True)
+
+
+def test_only_pixels_of_its_own_class_are_the_object_s() -> None:
+    trial = Trial()
+    objects = np.full(depth_image()[0].shape, -1)
+    middle = objects.shape[1] // 2
+    objects[:, :middle] = 7
+    masks = ObjectMasks(number=1, view=0, objects=objects)
+    box = Segment(number=7, name="box", contour=shapely.box(0.0, 0.0, 1.0, 1.0))
+    trial.fix("object_masks", masks)
+    trial.fix("segments", Segments(number=1, segments=(box,)))
+    trial.say("looked", 1)
+    assert trial.tick() is NO_MEASUREMENT  # The view is not segmented yet.
+    trial.fix("object_masks", replace(masks, view=1))
+    points = trial.tick().points
+    assert len(points) > 10
+    u = INTRINSICS.project((points - X_WC[:3, 3]) @ X_WC[:3, :3])[:, 0]
+    assert u.max() < middle
+    trial.fix("object_masks", replace(masks, view=2))
+    trial.fix("segments", Segments(number=2, segments=(replace(box, name="can"),)))
+    trial.say("looked", 2)
+    assert len(trial.tick().points) == 0
 
 
 def test_a_view_is_what_its_image_shows() -> None:

@@ -29,7 +29,8 @@ def viewed(
     config: TargetViewConfig = ALL,
     reach: float = RADIUS + 0.02,
 ) -> TargetView:
-    return view_target(depth, masked, INTRINSICS, X, MIDDLE, reach, height, config)
+    own = np.ones_like(masked)
+    return view_target(depth, masked, own, INTRINSICS, X, MIDDLE, reach, height, config)
 
 
 def pixels(seen: TargetView) -> tuple[Array, Array]:

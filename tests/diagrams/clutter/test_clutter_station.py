@@ -55,9 +55,8 @@ def test_the_truth_about_each_object_is_recorded(ran: tuple[EpisodeRecord, Resul
 
 def test_what_nobody_touches_stays_where_it_is(ran: tuple[EpisodeRecord, Results]) -> None:
     record, _ = ran
-    assert np.ptp(_places(record, "object"), axis=0).max() == 0.0  # It is locked.
-    other = object_names(record.scenario)[1]  # One body is always free.
-    assert np.ptp(_places(record, other), axis=0).max() < 1e-4
+    for name in ("object", object_names(record.scenario)[1]):
+        assert np.ptp(_places(record, name), axis=0).max() < 1e-5
 
 
 def test_what_somebody_pushes_from_outside_moves(ran: tuple[EpisodeRecord, Results]) -> None:

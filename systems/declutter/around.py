@@ -9,7 +9,6 @@ import shapely
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.validation import number, numbers
 from crossmodal.systems.port_values import PosePrior, Segment, of_mesh
-from crossmodal.systems.pose.target_model import TargetModel
 
 
 @dataclass(kw_only=True)
@@ -87,7 +86,7 @@ def free_places(
 
 
 def guess_of(
-    segment: Segment, model: TargetModel, height: float, config: AroundConfig
+    segment: Segment, middle: Array, radius: float, height: float, config: AroundConfig
 ) -> PosePrior:
     """Where about a known object is of which a part was seen; it may be turned in any way.
 
@@ -96,14 +95,15 @@ def guess_of(
 
     Args:
         segment: The object.
-        model: Of it.
+        middle: p_OM (3,) of its model, [m].
+        radius: Of the ball about the middle that holds it, [m].
         height: Of the table in W, [m].
         config: With the height of objects whose height is unknown.
     """
     X_WM = np.eye(4)
     X_WM[:3, 3] = [*segment.centroid, height + 0.5 * top_of(segment, config)]
     return PosePrior(
-        X=of_mesh(X_WM, model.middle),
+        X=of_mesh(X_WM, middle),
         rotation_sigma=np.inf,
-        translation_sigma=0.5 * model.radius,
+        translation_sigma=0.5 * radius,
     )

@@ -36,7 +36,6 @@ from crossmodal.systems.port_values import (
     Tries,
     ViewRequest,
 )
-from crossmodal.systems.pose.target_model import TargetModel
 from crossmodal.systems.recursive_filter import RecursiveFilter
 
 TOO_MANY = "as many actions as are allowed"
@@ -172,7 +171,8 @@ class DeclutterSequence(RecursiveFilter):
     def __init__(
         self,
         target: str,
-        model: TargetModel,
+        middle: Array,
+        radius: float,
         height: float,
         places: Sequence[Array],
         table: ViewRequest,
@@ -183,7 +183,8 @@ class DeclutterSequence(RecursiveFilter):
 
         Args:
             target: Name of the target's class.
-            model: Of the target.
+            middle: p_OM (3,) of the target's model, [m].
+            radius: Of the ball about the middle that holds the target, [m].
             height: Of the table in W, [m].
             places: X_WC (4, 4) from which all of the table is seen, the preferred one first.
             table: With the box in which all objects are, around which the camera goes.
@@ -194,7 +195,8 @@ class DeclutterSequence(RecursiveFilter):
         check(config, "DeclutterSequence")
         if not len(places):
             raise ValueError("DeclutterSequence: places is empty, but the table must be seen")
-        self._target, self._model, self._config = target, model, config
+        self._target, self._config = target, config
+        self._middle, self._radius = middle, radius
         self._height = height
         self._places, self._table = tuple(places), table
         self._segments = self._declare_value_input("segments", NO_SEGMENTS)
@@ -290,7 +292,7 @@ class DeclutterSequence(RecursiveFilter):
         others = [s for s in state.scene.segments if target is None or s.number != target.number]
         around, guess = self._config.around, NO_PRIOR
         if target is not None:
-            guess = guess_of(target, self._model, self._height, around)
+            guess = guess_of(target, self._middle, self._radius, self._height, around)
         return replace(
             state,
             phase=DeclutterPhase.POSE,

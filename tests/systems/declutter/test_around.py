@@ -62,7 +62,7 @@ def test_the_guess_is_about_the_middle() -> None:
     mesh.apply_translation([0.3, 0.2, 0.1])  # The mesh's frame is not its middle.
     model = make_target(mesh.vertices, mesh.faces)
     segment = Segment(number=0, contour=shapely.box(0.47, 0.07, 0.53, 0.13), top=0.2)
-    guess = guess_of(segment, model, 0.0, CONFIG)
+    guess = guess_of(segment, model.middle, model.radius, 0.0, CONFIG)
     assert_allclose(of_middle(guess.X, model.middle)[:3, 3], [0.5, 0.1, 0.1], atol=1e-6)
     assert guess.rotation_sigma == np.inf
     # A part that is seen at one end is explained.

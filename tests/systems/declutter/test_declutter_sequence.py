@@ -5,7 +5,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-import trimesh
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import InputPortIndex, OutputPortIndex
 from shapely.affinity import translate
@@ -35,7 +34,6 @@ from crossmodal.systems.port_values import (
     Segments,
     ViewRequest,
 )
-from crossmodal.systems.pose.target_model import make_target
 from tests.documented_ports import documented_ports
 from tests.systems.declutter.scenes import image, rectangle
 
@@ -44,9 +42,7 @@ TABLE = ViewRequest(box_edges=np.array([0.6, 0.8, 0.4]))
 
 
 def sequence(config: DeclutterSequenceConfig) -> DeclutterSequence:
-    box = trimesh.creation.box(extents=[0.04, 0.04, 0.2])
-    model = make_target(box.vertices, box.faces)
-    return DeclutterSequence("wineglass", model, 0.0, PLACES, TABLE, config, 0.1)
+    return DeclutterSequence("wineglass", np.zeros(3), 0.1, 0.0, PLACES, TABLE, config, 0.1)
 
 
 @dataclass

@@ -54,6 +54,7 @@ def test_it_holds_every_file_of_the_rooms(installed: Path) -> None:
         "models/sdf/textures/oak.png",
         "models/sdf/table_scene.dmd.yaml",
         "models/weights/hand_bending.npz",
+        "models/weights/segmentation.onnx",
         "models/examples/two_drawers.urdf",
         "diagrams/evaluation/report.html.jinja",
     } < found

@@ -99,7 +99,7 @@ def test_each_new_image_has_its_grasps_and_an_old_one_is_left_alone(planner: Gra
     assert grasps_at(planner, context, other) is first
     second = grasps_at(planner, context, replace(other, number=2))
     assert second.number == 2
-    assert_allclose(second.grasps[0][0].X_WE[:2, 3], 0.0, atol=0.02)
+    assert_allclose(second.grasps[0][0].X_WE[:2, 3], 0.0, atol=0.045)
 
 
 def test_before_the_first_image_there_are_no_grasps(planner: GraspPlanner) -> None:

@@ -2,15 +2,14 @@
 
 from dataclasses import dataclass, field
 
-from crossmodal.controllers.primitives.move_object_config import MoveObjectConfig
-from crossmodal.systems.grasping.grasp_planner import GraspPlannerConfig
-
 from crossmodal.controllers.arm.motion_planner import MotionPlannerConfig
 from crossmodal.controllers.primitives.guarded_touch import GuardedTouchConfig
 from crossmodal.controllers.primitives.look import LookConfig
+from crossmodal.controllers.primitives.move_object_config import MoveObjectConfig
 from crossmodal.maths.validation import number
 from crossmodal.plants.robots.panda import PANDA_WITH_CAMERA
 from crossmodal.plants.robots.ur5 import UR5_WITH_GRIPPER
+from crossmodal.systems.grasping.grasp_planner import GraspPlannerConfig
 from crossmodal.systems.pose.target_view import TargetViewConfig
 from crossmodal.systems.segmentation.segmenter import SegmenterConfig
 from crossmodal.systems.sensors.finger_encoders import FingerEncodersConfig

@@ -68,6 +68,11 @@ class RestingBodies:
         self._moving = [plant.get_body(index) for index in [*ours, *others]]
         frames = [plant.GetBodyFrameIdOrThrow(body.index()) for body in self._moving]
         self._frames, self._index = frames[:count], {frame: k for k, frame in enumerate(frames)}
+        inspector = scene_graph.model_inspector()
+        self._shapes = [
+            inspector.NumGeometriesForFrameWithRole(frame, Role.kProximity)
+            for frame in self._frames
+        ]
         self._radii = np.array([_radius(scene_graph, frame) for frame in frames])
         self._touching = np.zeros((count, count), bool)
         self._filter: FilterId | None = None
@@ -99,8 +104,11 @@ class RestingBodies:
         _, group = connected_components(csr_array(self._touching), directed=False)
         awake = np.isin(group, group[disturbed]) | (self._since > time - _TIME)
         # The solver's tolerance is relative to the momenta. With arms at rest that bear no weight
-        # there would be none at all, and it would not converge.
-        awake[-1] |= not awake.any()
+        # there would be none at all, and it would not converge. The cheapest one is free, then.
+        contacts = self._touching.sum(axis=0)
+        awake[
+            min(range(count), key=lambda k: (contacts[k], self._shapes[k], -k))
+        ] |= not awake.any()
         self._lock(root, ~awake)
 
     def _speeds(self, context: Context) -> Array:

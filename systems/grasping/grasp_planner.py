@@ -79,9 +79,12 @@ def plan_grasps(
         tried = grasps.copy()
         tried[:, 3] = np.minimum(tried[:, 3] + wider, STROKE)
         under = highest_under_fingers(others, tried, view, config.clearance)
-        tried[:, 4] = np.maximum(tried[:, 4], np.where(under > 0.0, under + config.clearance, 0.0))
+        above = np.where(under > 0.0, under + config.clearance, 0.0)
+        tried[:, 4] = np.maximum(grasps[:, 4], above)
+        # What is thin is grasped as deep as it is.
         deep = tops(view.heights, tried, view) - tried[:, 4] >= config.shallowest
-        found = ~free & deep & ~is_blocked(view.surroundings, tried, view)
+        deep |= tried[:, 4] == grasps[:, 4]
+        found = ~free & deep & ~is_blocked(np.maximum(view.heights, others), tried, view)
         grasps[found], free = tried[found], free | found
     return grasps[free], quality[free]
 

@@ -21,6 +21,7 @@ CELLS = 150  # Along each edge: a map of 30 cm holds the largest of the objects.
 _LOWEST = 0.006  # What is not higher is not seen of an object but through it, or beside it, [m].
 _SEEN = 0.3  # Share of an object's pixels that must be measured for the others to be like them.
 _UNSEEN_HEIGHT = 0.06  # Else it is taken to be so high: half of what the fingers reach over, [m].
+_RIM = 4  # What is of no object and so near to one may be its rim, [cells].
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -131,10 +132,12 @@ def height_map(seen: SeenPoints, label: int) -> HeightMap:
     away = np.abs(seen.xy - middle)
     inside = (away[..., 0] < half) & (away[..., 1] < half)
     corner = middle - half + 0.5 * CELL
+    heights = _from_above(seen, inside & is_object, corner)
+    others = _from_above(seen, inside & ~is_object & (seen.labels >= 0), corner)
+    beside = _from_above(seen, inside & (seen.labels < 0), corner)
+    rim = cv2.dilate(heights, np.ones((2 * _RIM + 1,) * 2)) > 0.0
     return HeightMap(
-        heights=_from_above(seen, inside & is_object, corner),
-        others=_from_above(seen, inside & ~is_object, corner),
-        corner=corner,
+        heights=heights, others=np.maximum(others, np.where(rim, 0.0, beside)), corner=corner
     )
 
 

@@ -78,6 +78,17 @@ def test_a_high_wall_beside_it_is_in_the_way_and_a_low_one_is_stayed_above(
     assert best.X_WE[2, 3] == pytest.approx(TABLE + 0.03 + CONFIG.clearance, abs=1e-6)
 
 
+def test_a_thin_bar_is_grasped_on_a_table_whose_heights_are_noisy(network: OnnxNetwork) -> None:
+    bar = Block(middle=(0.0, 0.0), size=(0.13, 0.018, 0.018))
+    masks = masks_of([bar])
+    noise = np.random.default_rng(0).normal(0.0, 0.002, masks.depth.shape)
+    best = find_all_grasps(
+        replace(masks, depth=masks.depth + noise), TABLE, network, CONFIG
+    ).grasps[0][0]
+    assert best.X_WE[2, 3] == pytest.approx(TABLE + 0.005, abs=1e-6)
+    assert abs(best.X_WE[1, 0]) > np.cos(np.deg2rad(12.0))
+
+
 def test_what_is_too_wide_cannot_be_grasped(network: OnnxNetwork) -> None:
     plate = Block(middle=(0.0, 0.0), size=(0.25, 0.25, 0.06))
     assert find_all_grasps(masks_of([plate]), TABLE, network, CONFIG).grasps[0] == ()

@@ -46,6 +46,14 @@ def test_others_are_beside_it_and_not_in_it() -> None:
     assert view.surroundings.max() == pytest.approx(BOX.size[2])
 
 
+def test_a_rim_that_its_mask_leaves_out_is_no_obstacle() -> None:
+    X_WC = above(0.7)
+    depth, labels = image_of([BOX], X_WC)
+    inner = np.stack([np.roll(labels, k, axis=(0, 1)) for k in (-2, 2)]).min(axis=0)
+    assert (inner != labels).any()
+    assert height_map(seen_points(depth, inner, CAMERA, X_WC, 0.0), 0).others.max() < 1e-6
+
+
 def test_what_is_not_measured_of_an_object_is_as_high_as_what_is_nearest() -> None:
     X_WC = above(0.7)
     depth, labels = image_of([BOX], X_WC)

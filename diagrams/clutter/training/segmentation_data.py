@@ -32,10 +32,10 @@ from crossmodal.systems.sensors.depth_noise import DepthNoiseConfig
 from crossmodal.systems.sensors.randomness import make_generator
 from crossmodal.systems.sensors.rgbd_camera import CameraNoise, CameraNoiseConfig
 
-VIEWS = 6  # Of each scene.
+VIEWS, DENSE_VIEWS = 6, 18  # Of each scene, and of each that is dense.
 HELD_OUT = 10  # Every so many scenes, one is not learned from.
 GOODS = CLASSES[1:-1]
-_DENSE = 16  # Every so many scenes, one is as dense as those that are worked in.
+_DENSE = 8  # Every so many scenes, one is as dense as those that are worked in.
 _TRIES = 5
 _FIELD = np.deg2rad(58.0)  # Horizontally.
 _AWAY = 0.35, 0.8  # From the camera to what it looks at, [m].
@@ -86,7 +86,7 @@ def is_held_out(scene: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
 
 def is_dense(scene: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
     """Which scenes are dense clutter of goods around one of them."""
-    return np.asarray(scene % _DENSE == 13)  # Every fifth of them is held out.
+    return np.asarray(scene % _DENSE == 5)  # Every fifth of them is held out.
 
 
 def make_scene(seed: int, scene: int) -> VariedScene:
@@ -217,7 +217,8 @@ def _scene_file(folder: Path, seed: int, scene: int) -> Path:
 def _write_scene(folder: Path, seed: int, scene: int) -> None:
     file = _scene_file(folder, seed, scene)
     if not file.exists():
-        made = render_scene(seed, scene)
+        dense = bool(is_dense(np.array(scene)))
+        made = render_scene(seed, scene, DENSE_VIEWS if dense else VIEWS)
         values = {f.name: getattr(made, f.name) for f in fields(made)}
 
         def save(path: Path) -> None:

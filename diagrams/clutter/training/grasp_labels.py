@@ -26,7 +26,7 @@ from crossmodal.systems.grasping.grasp_geometry import (
 )
 from crossmodal.systems.grasping.height_map import HeightMap
 
-FORCE = 5.0  # Of each finger, [N].
+FORCE = 9.0  # Of each finger, as far as it grows with what is carried, [N].
 PAD_FRICTION = 0.8
 _GRAVITY = 9.81  # [m/s²]
 # Where the fingers' faces are looked at: heights above their ends and places across, [m].
@@ -38,8 +38,8 @@ _RECESS = np.repeat(np.where(_CORE, STICKS_OUT, 0.0), len(_COLUMNS))
 _GIVE = 1e-3  # By which taxels give: what is so near to the first contact is contact, [m].
 _TAXEL = 0.002  # Mean distance from a contact's middle within a single taxel's part of it, [m].
 _OPENINGS = (0.04, 0.07, 0.1, STROKE)  # In which an object is looked for, [m].
-_ASKEW = np.tan(np.deg2rad(15.0))  # Largest slope of what faces a finger, to the side.
-_ON_PAD = 0.006  # Farthest place of a contact's middle from that of the finger, across, [m].
+_ASKEW = np.tan(np.deg2rad(25.0))  # Largest slope of what faces a finger, to the side.
+_ON_PAD = 0.009  # Farthest place of both contacts' middle from that of the fingers, across, [m].
 _ERROR = 0.005  # Of a place, by arm and camera together; an object must not turn for it, [m].
 _OFF_CENTRE = 0.004  # By which a grasp may be off the middle between the contacts, [m].
 _LEAST_TOP = 0.01  # Of an object where it is grasped, [m].
@@ -145,7 +145,7 @@ def find_contacts(shape: Shape, corners: Array, p_WCm: Array, grasps: Array) -> 
     extent = np.where(touched, np.where(touched[:, None], high - low, 0.0).mean(axis=1), 0.0)
     width = first.sum(axis=1)
     apart = np.linalg.norm(middle[:, 0] - middle[:, 1], axis=1)
-    antipodal &= (np.abs(middle[:, :, 0]) <= _ON_PAD).all(axis=1)
+    antipodal &= np.abs(middle[:, :, 0].mean(axis=1)) <= _ON_PAD
     antipodal &= apart <= friction * np.maximum(width, 1e-3)
     x_middle = 0.5 * (first[:, 1] - first[:, 0])
     c, s = np.cos(grasps[:, 2]), np.sin(grasps[:, 2])

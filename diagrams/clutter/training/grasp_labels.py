@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from crossmodal.controllers.primitives.move_object_config import GripConfig
 from crossmodal.diagrams.clutter.training.shapes import Shape
 from crossmodal.maths.arrays import Array, Mask
 from crossmodal.maths.compiled import hot
@@ -26,9 +27,9 @@ from crossmodal.systems.grasping.grasp_geometry import (
 )
 from crossmodal.systems.grasping.height_map import HeightMap
 
-FORCE = 9.0  # Of each finger, as far as it grows with what is carried, [N].
 PAD_FRICTION = 0.8
 _GRAVITY = 9.81  # [m/s²]
+_GRIP = GripConfig()
 # Where the fingers' faces are looked at: heights above their ends and places across, [m].
 _ROWS = np.arange(0.003, 0.075, 0.005)
 _COLUMNS = np.linspace(-0.009, 0.009, 5)
@@ -60,6 +61,12 @@ class Contacts:
     middle: Array
     width: Array
     askew: Array
+
+
+def grip_force(mass: float) -> float:
+    """Normal force of each finger that holds a mass [kg], as `Grip` lets it grow, [N]."""
+    needed = 0.5 * mass * _GRAVITY / _GRIP.load
+    return min(max(needed, _GRIP.force), _GRIP.largest_force)
 
 
 @hot
@@ -151,13 +158,13 @@ def find_contacts(shape: Shape, corners: Array, p_WCm: Array, grasps: Array) -> 
     c, s = np.cos(grasps[:, 2]), np.sin(grasps[:, 2])
     dx, dy = (p_WCm[:2] - grasps[:, :2]).T
     along, across = c * dx + s * dy - x_middle, c * dy - s * dx - middle[:, :, 0].mean(axis=1)
-    weight = shape.mass * _GRAVITY
+    weight, force = shape.mass * _GRAVITY, grip_force(shape.mass)
     upwards = (contact * slope[..., 1]).sum(axis=2) / count
-    carried = FORCE * np.maximum(friction - upwards, 1e-6).sum(axis=1)
+    carried = force * np.maximum(friction - upwards, 1e-6).sum(axis=1)
     load = weight / carried
-    turn = weight * (np.abs(across) + _ERROR) / (2.0 * friction * FORCE * radius)
+    turn = weight * (np.abs(across) + _ERROR) / (2.0 * friction * force * radius)
     tilted = weight * np.abs(along)
-    resists = np.maximum(carried - weight, 0.0) * 0.5 * width + FORCE * extent
+    resists = np.maximum(carried - weight, 0.0) * 0.5 * width + force * extent
     holds = touched & antipodal & (load**2 + turn**2 <= 1.0) & (tilted <= resists)
     return Contacts(
         holds=holds,

@@ -13,6 +13,9 @@ from pydrake.multibody.tree import FixedOffsetFrame, PdControllerGains, Prismati
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
+from crossmodal.controllers.primitives.move_object_config import GripConfig
+from crossmodal.diagrams.clutter.training.grasp_labels import grip_force
+from crossmodal.diagrams.clutter.training.shapes import goods
 from crossmodal.maths.arrays import Array
 from crossmodal.models import SDF_DIR
 from crossmodal.plants.goods.goods_scene import GOODS_DIR
@@ -28,6 +31,7 @@ _STEP = 0.01  # Between commands, [s].
 # Mean speeds of heights above the grasp and of commanded positions of the fingers, [m/s].
 _DOWN, _CLOSING, _UP = 0.25, 0.1, 0.12
 _ABOVE, _LIFT = 0.08, 0.12  # From where it comes and how far it goes, [m].
+_CLOSED = -0.01  # Commanded positions of fingers that close on something, [m].
 _HOLD = 0.4  # After closing, and at the top, [s].
 _HELD, _TURNED = 0.1, np.deg2rad(30.0)  # Least rise and largest rotation of what is held.
 
@@ -88,22 +92,25 @@ def simulate_lift(name: str, X_WO: Array, grasp: Array) -> Lift:
     desired = plant.get_desired_state_input_port(gripper)
 
     def go(start: Array, end: Array, speed: float, hold: float = 0.0) -> Array:
-        """Moves the commands (opening, height) there, without a jerk."""
+        """Moves the commands (both fingers, height) there, without a jerk."""
         seconds = float(np.abs(end - start).max()) / speed
         steps = int(np.ceil((seconds + hold) / _STEP))
         for k in range(1, steps + 1):
             phase = np.pi * min(k * _STEP / seconds, 1.0)
-            opening, height = start + 0.5 * (1.0 - np.cos(phase)) * (end - start)
+            commands = start + 0.5 * (1.0 - np.cos(phase)) * (end - start)
             rates = 0.5 * np.pi * np.sin(phase) / seconds * (end - start)
-            desired.FixValue(context, [opening, opening, height, rates[0], rates[0], rates[1]])
+            desired.FixValue(context, [*commands, *rates])
             simulator.AdvanceTo(root.get_time() + _STEP)
         return end
 
-    closed = -0.01  # Whatever is held, the drives are at their limit then.
-    at = go(np.array([half, _ABOVE]), np.array([half, 0.0]), _DOWN)
+    at = go(np.array([half, half, _ABOVE]), np.array([half, half, 0.0]), _DOWN)
     before = body.EvalPoseInWorld(context)
-    at = go(at, np.array([closed, 0.0]), _CLOSING, _HOLD)
-    go(at, np.array([closed, _LIFT]), _UP, _HOLD)
+    at = go(at, np.array([_CLOSED, _CLOSED, 0.0]), _CLOSING, _HOLD)
+    # The drives are springs, commanded into the object.
+    into = grip_force(goods(name).mass) / GripConfig().stiffness
+    fingers = plant.GetPositions(context, gripper)[:2] - into
+    at = go(at, np.array([*fingers, 0.0]), _CLOSING, _HOLD)
+    go(at, np.array([*fingers, _LIFT]), _UP, _HOLD)
     after = body.EvalPoseInWorld(context)
     p_OCm = body.default_com()
     return Lift(

@@ -3,8 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
-from crossmodal.maths.arrays import Array
+from crossmodal.maths.arrays import Array, Ids
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,6 +37,35 @@ class Intrinsics:
     def project(self, p_CF: Array) -> Array:
         """Pixels (N, 2) of points (N, 3) in the camera's frame C; see `project`."""
         return project(p_CF, self.vector())
+
+    def rays(self, pixels: Array, X_WC: Array) -> Array:
+        """From the camera through pixels (N, 2) to where their depth is one (N, 3), in W.
+
+        Args:
+            pixels: u and v.
+            X_WC: Of the camera (4, 4).
+        """
+        return self._rays(pixels[:, 0], pixels[:, 1], X_WC)
+
+    def image_rays(self, X_WC: Array) -> Array:
+        """The rays of all pixels (H, W, 3)."""
+        return self._rays(np.arange(self.width), np.arange(self.height)[:, None], X_WC)
+
+    def heights(self, depth: npt.NDArray[np.floating], X_WC: Array, plane: float) -> Array:
+        """Heights (H, W) above a level plane of what is seen, [m]; NaN without a measurement.
+
+        Args:
+            depth: (H, W) along the camera's axis, [m]; zero, NaN or infinite where nothing was
+                measured.
+            X_WC: Of the camera (4, 4) in W, whose z is up.
+            plane: z of the plane in W, [m].
+        """
+        known = np.where(np.isfinite(depth) & (depth > 0.0), depth, np.nan)
+        return np.asarray(X_WC[2, 3] - plane + known * self.image_rays(X_WC)[..., 2])
+
+    def _rays(self, u: Array | Ids, v: Array | Ids, X_WC: Array) -> Array:
+        x, y = (u - self.center_x) / self.focal_x, (v - self.center_y) / self.focal_y
+        return np.stack([a * x + b * y + c for a, b, c in X_WC[:3, :3]], axis=-1)
 
 
 def project(p_CF: Array, intrinsics: Array) -> Array:

@@ -87,7 +87,7 @@ class RestingBodies:
             root: Context of the whole Diagram, as it is between two steps.
         """
         time, count = root.get_time(), len(self._bodies)
-        if time < self._next:
+        if time < self._next or count == 0:
             return
         self._next = time + _PERIOD
         context = self._plant.GetMyContextFromRoot(root)
@@ -105,11 +105,14 @@ class RestingBodies:
         awake = np.isin(group, group[disturbed]) | (self._since > time - _TIME)
         # The solver's tolerance is relative to the momenta. With arms at rest that bear no weight
         # there would be none at all, and it would not converge. The cheapest one is free, then.
-        contacts = self._touching.sum(axis=0)
-        awake[
-            min(range(count), key=lambda k: (contacts[k], self._shapes[k], -k))
-        ] |= not awake.any()
+        if not awake.any():
+            awake[self._cheapest()] = True
         self._lock(root, ~awake)
+
+    def _cheapest(self) -> int:
+        """The body that costs least while it is free: fewest touch it, it has fewest shapes."""
+        last = -np.arange(len(self._bodies))
+        return int(np.lexsort([last, self._shapes, self._touching.sum(axis=0)])[0])
 
     def _speeds(self, context: Context) -> Array:
         """Largest speeds of the points of each moving body, ours first, [m/s]."""

@@ -45,11 +45,15 @@ class ActionPlan(Immutable):
         legs: Of the action.
         opening: How far each finger is opened on the way, [m].
         X_WE: Of the gripper (4, 4) when it has come down.
+        spare: Of the way down, without which the fingers still reach far enough to grasp, [m].
+        push: That is made; None for a grasp.
     """
 
     legs: tuple[Leg, ...]
     opening: float
     X_WE: Array
+    spare: float = 0.0
+    push: Any = None
 
 
 class ActionPlanner:
@@ -144,8 +148,10 @@ class ActionPlanner:
                 X_WE = RigidTransform(grasp.X_WE) @ RigidTransform(
                     RotationMatrix.MakeZRotation(turn), np.zeros(3)
                 )
+                X = X_WE.GetAsMatrix4()
                 self._look(request, others, opening)
-                for down in self._ways_down(request, X_WE, guesses):
+                spare = self._top(request, X) - X[2, 3] - self._config.grasped
+                for down, short in self._ways_down(request, X_WE, guesses, max(spare, 0.0)):
                     carried = self._carried(request, down[-1], X_WE.translation())
                     if carried is None:
                         continue
@@ -160,11 +166,7 @@ class ActionPlanner:
                         Leg(phase=ActionPhase.OPEN),
                     )
                     x, y, _ = X_WE.translation()
-                    yield (
-                        ActionPlan(legs=legs, opening=opening, X_WE=X_WE.GetAsMatrix4()),
-                        x,
-                        y,
-                    )
+                    yield ActionPlan(legs=legs, opening=opening, X_WE=X, spare=spare - short), x, y
                     break
 
     def _carried(self, request: Any, q: Array, p_WE: Array) -> tuple[Leg, ...] | None:
@@ -202,40 +204,40 @@ class ActionPlanner:
     def _pushes(
         self, request: Any, guesses: list[Array], others: dict[str, Array]
     ) -> Iterator[tuple[ActionPlan, float, float]]:
-        push, config = request.push, self._config
-        if push.why:
-            return
-        along = np.append(push.direction, 0.0)
-        across = np.cross(_UP, along)
-        c = push.finger.centroid
-        height = min(config.push_height, push.height)
-        self._look(request, others, 0.0)
-        for sign in (1.0, -1.0):  # Either finger may be in front; z is down.
-            R_WE = RotationMatrix(np.column_stack([sign * along, -sign * across, -_UP]))
-            X_WE = RigidTransform(R_WE, [c.x, c.y, height])
-            for down in self._ways_down(request, X_WE, guesses):
-                pushed = self._planner.line(down[-1], along, push.length + config.push_reach)
-                if self._planner.length(pushed) < push.length:
-                    continue
-                legs = (
-                    Leg(
-                        phase=ActionPhase.DESCEND,
-                        postures=down,
-                        speed=config.descent_speed,
-                    ),
-                    Leg(phase=ActionPhase.PUSH, postures=pushed, speed=config.speed),
-                )
-                yield (
-                    ActionPlan(legs=legs, opening=0.0, X_WE=X_WE.GetAsMatrix4()),
-                    push.point[0],
-                    push.point[1],
-                )
-                break
+        config = self._config
+        for push in request.pushes:
+            along = np.append(push.direction, 0.0)
+            across = np.cross(_UP, along)
+            c = push.finger.centroid
+            height = min(config.push_height, push.height)
+            self._look(request, others, 0.0)
+            for sign in (1.0, -1.0):  # Either finger may be in front; z is down.
+                R_WE = RotationMatrix(np.column_stack([sign * along, -sign * across, -_UP]))
+                X_WE = RigidTransform(R_WE, [c.x, c.y, height])
+                for down, _ in self._ways_down(request, X_WE, guesses):
+                    pushed = self._planner.line(down[-1], along, push.length + push.reach)
+                    if self._planner.length(pushed) < push.length:
+                        continue
+                    legs = (
+                        Leg(
+                            phase=ActionPhase.DESCEND,
+                            postures=down,
+                            speed=config.descent_speed,
+                        ),
+                        Leg(phase=ActionPhase.PUSH, postures=pushed, speed=config.speed),
+                    )
+                    X = X_WE.GetAsMatrix4()
+                    plan = ActionPlan(legs=legs, opening=0.0, X_WE=X, push=push)
+                    yield plan, push.point[0], push.point[1]
+                    break
 
     def _ways_down(
-        self, request: Any, X_WE: RigidTransform, guesses: list[Array]
-    ) -> Iterator[Array]:
-        """Postures (K, n) along z of E to a pose, from above the object's top."""
+        self, request: Any, X_WE: RigidTransform, guesses: list[Array], spare: float = 0.0
+    ) -> Iterator[tuple[Array, float]]:
+        """Postures (K, n) along z of E to a pose, from above the object's top.
+
+        They may end earlier by what is spare [m]; by how much they do is the second value.
+        """
         z = X_WE.rotation().col(2)
         top = self._top(request, X_WE.GetAsMatrix4())
         length = max(top - X_WE.translation()[2], 0.0) + self._config.above
@@ -243,8 +245,9 @@ class ActionPlanner:
         for q in islice(self._planner.postures(X_before, guesses), _POSTURES):
             if self._planner.is_free(q):
                 down = self._planner.line(q, z, length)
-                if self._planner.length(down) > length - _SHORT:
-                    yield down
+                short = length - self._planner.length(down)
+                if short < spare + _SHORT:
+                    yield down, short
 
     @staticmethod
     def _top(request: Any, X_WE: Array) -> float:

@@ -118,7 +118,8 @@ class MoveObject(ArmTask):
         planner: Of this arm.
         gripper: Name of the gripper's model in the planner's scene.
         q_home: Where each action begins and ends (n,), [rad].
-        others: Numbers of joints of other arms by the names of their models.
+        others: Postures (m,) of other arms that are out of the way, by the names of their models,
+            [rad].
     """
 
     def __init__(
@@ -128,11 +129,11 @@ class MoveObject(ArmTask):
         planner: MotionPlanner,
         gripper: str,
         q_home: Array,
-        others: dict[str, int],
+        others: dict[str, Array],
     ) -> None:
         check(config, "MoveObject")
-        super().__init__(arm, planner, config.transit, others)
-        self._config, self._q_home = config, q_home
+        super().__init__(arm, planner, config.transit, {name: len(q) for name, q in others.items()})
+        self._config, self._q_home, self._away = config, q_home, others
         self._actions = ActionPlanner(planner, gripper, config)
         layout = gripper_taxels()
         taxels = len(layout.names)
@@ -214,29 +215,29 @@ class MoveObject(ArmTask):
 
     def _decide(self, context: Context, state: MoveState) -> MoveState:
         wanted = self._request.Eval(context)
-        if (
-            wanted.number <= state.number
-            or wanted.done
-            or state.failure
-            or self._is_clear.Eval(context)[0] < 0.5
-        ):
+        if wanted.done or state.failure:
             return state
-        time, here = context.get_time(), state.motion.knots[-1]
-        plan = self._actions.plan(wanted, here, [self._q_home], self._others_now(context))
-        if plan is None:
-            end = ActionEnd(number=wanted.number, outcome=ActionOutcome.UNREACHABLE)
-            return replace(state, request=wanted, last=end)
+        if wanted.number > state.number:
+            # It is planned before the other arms leave, so that they stay if nothing can be done.
+            plan = self._actions.plan(
+                wanted, state.motion.knots[-1], [self._q_home], {**self._away}
+            )
+            end = ActionEnd(number=wanted.number)
+            if plan is None:
+                end = replace(end, outcome=ActionOutcome.UNREACHABLE)
+                return replace(state, request=wanted, last=end)
+            return replace(state, request=wanted, plan=plan, end=end)
+        if state.number == state.last.number or self._is_clear.Eval(context)[0] < 0.5:
+            return state
+        assert state.plan is not None
         return replace(
             state,
             leg=Leg(phase=ActionPhase.TARE),
-            request=wanted,
-            started=time,
-            plan=plan,
-            legs=plan.legs,
+            started=context.get_time(),
+            legs=state.plan.legs,
             hanging=np.zeros(2),
             readings=np.zeros((0, self._taxels.size())),
             touched=np.nan,
-            end=ActionEnd(number=wanted.number),
         )
 
     def _take_tare(self, context: Context, state: MoveState) -> MoveState:
@@ -261,7 +262,9 @@ class MoveObject(ArmTask):
         if pressed:
             goal = state.motion.knots[-1]
             here = state.motion.at(context.get_time())
-            if self._planner.length(np.array([here, goal])) > self._config.landing:
+            left = self._planner.length(np.array([here, goal]))
+            assert state.plan is not None
+            if left > max(self._config.landing, state.plan.spare):
                 return self._ended(context, state, ActionOutcome.BLOCKED)
             return self._begin(context, state)
         return self._begin(context, state) if self._rests(context, state) else state
@@ -323,16 +326,20 @@ class MoveObject(ArmTask):
     def _push(self, context: Context, state: MoveState) -> MoveState:
         config, time = self._config, context.get_time()
         assert state.plan is not None
-        ahead = float(np.sign(state.plan.X_WE[:2, 0] @ state.request.push.direction))
+        push = state.plan.push
+        ahead = float(np.sign(state.plan.X_WE[:2, 0] @ push.direction))
         face = self._faces[0 if ahead > 0.0 else 1]
         forces = state.tare.forces(np.asarray(self._taxels.Eval(context)))
-        longest = max(round(config.pushed_averaged / config.period), 1)
+        shortest, longest = (
+            max(round(span / config.period), 1)
+            for span in (config.averaged, config.pushed_averaged)
+        )
         readings = np.append(state.readings, -ahead * forces[face, 0].sum())[-longest:]
         noise = state.tare.noise * np.sqrt(face.sum())
         felt = any(
             readings[-count:].mean()
             > config.significance * noise * np.sqrt(1 / count + config.period / config.tare_time)
-            for count in (round(config.averaged / config.period), longest)
+            for count in (shortest, longest)
             if len(readings) >= count
         )
         q = state.motion.at(time)
@@ -343,14 +350,14 @@ class MoveObject(ArmTask):
         )
         pushed = 0.0 if np.isnan(touched) else gone - touched
         outcome = ActionOutcome.NONE
-        if readings[-1] > config.largest_push:
+        if readings[-shortest:].mean() > config.largest_push:  # An impact is shorter.
             outcome = ActionOutcome.BLOCKED
         elif np.isnan(touched):
-            if gone >= config.push_reach:
+            if gone >= push.reach:
                 outcome = ActionOutcome.MISSED
         elif time > state.felt + config.unfelt:
             outcome = ActionOutcome.LOST
-        elif pushed >= state.request.push.length or time >= state.motion.end:
+        elif pushed >= push.length or time >= state.motion.end:
             outcome = ActionOutcome.PUSHED
         if not outcome:
             return state

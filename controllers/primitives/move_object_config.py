@@ -45,14 +45,14 @@ class MoveObjectConfig:
     carry_speed: float = number(0.2, above=0.0, at_most=1.0, unit="m/s")
     transit: TransitConfig = field(default_factory=lambda: TransitConfig(speed=0.4))
     grip: GripConfig = field(default_factory=GripConfig)
+    # By which the fingers' ends are below an object's top at least, to grasp it.
+    grasped: float = number(0.02, above=0.0, at_most=0.5, unit="m")
     # Above the object's top the straight way down begins.
     above: float = number(0.03, at_least=0.0, at_most=0.5, unit="m")
     lift: float = number(0.15, above=0.0, at_most=1.0, unit="m")
     # Of the fingers' end above the table while it pushes: its taxels are then 18 mm above it and
     # higher, and the table may be 2 mm higher than believed.
     push_height: float = number(0.012, above=0.0, at_most=0.5, unit="m")
-    # Way of the finger in which it meets what it pushes.
-    push_reach: float = number(0.03, above=0.0, at_most=0.5, unit="m")
     # Force at which a push stops, as something is in its way.
     largest_push: float = number(8.0, above=0.0, at_most=100.0, unit="N")
     # Least distance of the gripper from what stands around while it comes down between objects.

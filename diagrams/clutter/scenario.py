@@ -18,12 +18,12 @@ from crossmodal.systems.active.touch_planning import CRITERIA
 from crossmodal.systems.active.view_planner import VIEW_CRITERIA, ViewPlannerConfig
 from crossmodal.systems.declutter.declutter_graph import DeclutterConfig
 from crossmodal.systems.declutter.declutter_sequence import DeclutterSequenceConfig
+from crossmodal.systems.segmentation.network_input import TRANSPARENT
 from crossmodal.systems.sensors.randomness import make_generator
 from crossmodal.systems.sensors.taxel_array import TaxelArrayFault
 
 SCENARIO_FOLDER = Path(__file__).parent / "scenarios"
 GOODS_DIR = SDF_DIR / "goods"
-TRANSPARENT = ("wineglass", "transparent_box")  # Goods that a camera looks through.
 TARGETS = ["oil", "spray", "cleaner", "wineglass"]
 ESTIMATORS = ("density", "quaternion")
 STATIONS = ("rig", "robots")

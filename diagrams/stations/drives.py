@@ -65,14 +65,12 @@ def add_drives(
 
 
 def follow(wiring: StationWiring, model: str, command: OutputPort) -> None:
-    """Lets a model's drives follow the positions (n,) that are commanded, or one for all of them.
+    """Lets a model's drives follow the positions (n,) that are commanded.
 
     They push no harder than the model's efforts allow.
     """
     port = wiring.plant.get_desired_state_input_port(wiring.scene.model(model))
-    joints = port.size() // 2
-    of_each = np.ones((joints, 1)) if command.size() == 1 else np.eye(joints)
-    gain = MatrixGain(np.vstack([of_each, np.zeros_like(of_each)]))
+    gain = MatrixGain(np.eye(port.size(), command.size()))
     drives = wiring.builder.AddNamedSystem(f"{model}_drives", gain)
     wiring.builder.Connect(command, drives.get_input_port())
     wiring.builder.Connect(drives.get_output_port(), port)

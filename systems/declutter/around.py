@@ -2,20 +2,22 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import shapely
 
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.validation import number, numbers
-from crossmodal.systems.port_values import PosePrior, Segment, of_mesh
+from crossmodal.systems.port_values import Boxes, PosePrior, Segment, of_mesh
 
 
 @dataclass(kw_only=True)
 class AroundConfig:
     """Of the table, and how far to keep away."""
 
-    # Two opposite corners, x and y in W, of the part of the table where objects may be put down.
+    # Two opposite corners, x and y in W, of the part of the table where objects are looked for and
+    # may be put down.
     corners: np.ndarray = numbers(
         np.array([[0.3, -0.35], [0.7, 0.35]]), at_least=-10.0, at_most=10.0, unit="m", shape=(2, 2)
     )
@@ -27,6 +29,8 @@ class AroundConfig:
     near: float = number(0.1, at_least=0.0, at_most=10.0, unit="m")
     # Height of an object of which none was measured.
     unknown_top: float = number(0.3, above=0.0, at_most=2.0, unit="m")
+    # Of an object, along its longer edge, which is in a box of its own.
+    slab: float = number(0.05, above=0.0, at_most=10.0, unit="m")
     # Of the middle of what is seen of an object, along each axis; the standard deviation.
     middle_error: float = number(0.015, above=0.0, at_most=1.0, unit="m")
 
@@ -36,10 +40,10 @@ def top_of(segment: Segment, config: AroundConfig) -> float:
     return segment.top if np.isfinite(segment.top) else config.unknown_top
 
 
-def boxes_around(
-    segments: Sequence[Segment], height: float, config: AroundConfig
-) -> tuple[tuple[Array, Array], ...]:
-    """Edges (3,) [m] and X_WB (4, 4) of the middle of a box around each object, from the table up.
+def boxes_around(segments: Sequence[Segment], height: float, config: AroundConfig) -> Boxes:
+    """Edges (3,) [m] and X_WB (4, 4) of the middles of boxes that hold objects, from the table up.
+
+    Along an object there is one after the other, so that they are not much larger than it is.
 
     Args:
         segments: The objects.
@@ -50,12 +54,23 @@ def boxes_around(
     for segment in segments:
         corners = shapely.get_coordinates(segment.box)[:4]
         along, across = corners[1] - corners[0], corners[3] - corners[0]
-        edges = np.array([np.linalg.norm(along), np.linalg.norm(across), top_of(segment, config)])
-        c, s = along / edges[0]
-        X_WB = np.eye(4)
-        X_WB[:2, :2] = [[c, -s], [s, c]]
-        X_WB[:3, 3] = [*corners.mean(axis=0), height + 0.5 * edges[2]]
-        boxes.append((edges, X_WB))
+        if np.linalg.norm(along) < np.linalg.norm(across):
+            along, across = -across, along
+        length, top = float(np.linalg.norm(along)), top_of(segment, config)
+        c, s = along / length
+        R = np.array([[c, -s], [s, c]])
+        outline = shapely.transform(segment.contour, lambda p, R=R: p @ R)
+        left, low, _, high = outline.bounds
+        ends = left + np.linspace(0.0, length, max(round(length / config.slab), 1) + 1)
+        for start, end in pairwise(ends):
+            part = outline.intersection(shapely.box(start, low, end, high))
+            if part.is_empty:
+                continue
+            x0, y0, x1, y1 = part.bounds
+            X_WB = np.eye(4)
+            X_WB[:2, :2] = R
+            X_WB[:3, 3] = [*(R @ [0.5 * (x0 + x1), 0.5 * (y0 + y1)]), height + 0.5 * top]
+            boxes.append((np.array([x1 - x0, y1 - y0, top]), X_WB))
     return tuple(boxes)
 
 

@@ -21,13 +21,13 @@ from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
 
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.validation import number
-from crossmodal.systems.declutter.push import PushConfig, plan_push
+from crossmodal.systems.declutter.push import PushConfig, plan_pushes
 from crossmodal.systems.declutter.segments import intersection_over_union
 from crossmodal.systems.port_values import (
-    NO_PUSH,
     DeclutterAction,
     DeclutterGraph,
     DeclutterVertex,
+    Push,
     Segment,
     Segments,
     Tries,
@@ -165,15 +165,15 @@ def declutter_graph(
         n, why = leaf.segment.number, leaf.why
         others = [segment for segment in segments if segment.number != n]
         for action in left[n]:
-            push = NO_PUSH
+            pushes: tuple[Push, ...] = ()
             if action is DeclutterAction.PUSH:
-                push = plan_push(leaf.segment, others, root, config.push)
-                if push.why:
-                    why = push.why
+                pushes = plan_pushes(leaf.segment, others, root, config.push)
+                if pushes[0].why:
+                    why = pushes[0].why
                     continue
             vertices[n] = replace(leaf, action=action)
             found = tuple(vertices.values())
-            return replace(graph, vertices=found, next=n, push=push, why="")
+            return replace(graph, vertices=found, next=n, pushes=pushes, why="")
         vertices[n] = replace(leaf, action=None, why=why)
     return replace(graph, vertices=tuple(vertices.values()))
 

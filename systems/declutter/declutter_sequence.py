@@ -25,6 +25,7 @@ from crossmodal.systems.port_values import (
     NO_TRIES,
     NO_VIEW,
     ActionRequest,
+    Boxes,
     DeclutterAction,
     DeclutterGraph,
     DeclutterProgress,
@@ -38,7 +39,11 @@ from crossmodal.systems.port_values import (
 )
 from crossmodal.systems.recursive_filter import RecursiveFilter
 
+LEFT_ALONE = "nothing is to be taken away"
 TOO_MANY = "as many actions as are allowed"
+# Outcomes of an arm: it has not moved, or something was in its way.
+UNREACHABLE = "unreachable"
+HINDERED = (UNREACHABLE, "blocked")
 NO_VIEW_LEFT = "the camera gets to no view of the table"
 
 
@@ -94,7 +99,7 @@ class SequenceState(Immutable):
     tries: Tries = NO_TRIES
     progress: DeclutterProgress = NO_PROGRESS
     guess: PosePrior = NO_PRIOR
-    obstacles: tuple[tuple[Array, Array], ...] = ()
+    obstacles: Boxes = ()
 
 
 def displacement(number: int, before: Segments, after: Segments) -> float:
@@ -119,6 +124,8 @@ def judge(
 ) -> DeclutterStep:
     """What came of an action, by what is seen before and after it.
 
+    What the arm could not even begin has not moved anything, whatever the images say.
+
     Args:
         request: The action.
         outcome: What the arm says of it.
@@ -137,7 +144,7 @@ def judge(
         action=request.action,
         outcome=outcome,
         displacement=own,
-        worked=own > moved,
+        worked=own > moved and outcome != UNREACHABLE,
         others=others,
     )
 
@@ -220,8 +227,10 @@ class DeclutterSequence(RecursiveFilter):
             return replace(state, view=view) if planned.number > 0 else state
         if state.phase is DeclutterPhase.CLEAR:
             end = self._read(self._end, context)
-            ended = end.number == state.request.number
-            return self._look(replace(state, outcome=str(end.outcome))) if ended else state
+            if end.number == state.request.number:
+                return self._look(replace(state, outcome=str(end.outcome)))
+            # What is not possible has ended by now; for anything else the camera leaves.
+            return replace(state, view=replace(state.view, home=True))
         if state.looks == 0:
             return self._look(state)
         if self._read(self._unreachable, context)[0] == state.view.number:
@@ -251,8 +260,11 @@ class DeclutterSequence(RecursiveFilter):
         if state.outcome:
             step = judge(state.request, state.outcome, state.scene, scene, self._config.moved)
             progress = replace(progress, steps=(*progress.steps, step))
-            if not step.worked:
-                tries = tries.with_failure(step.object, step.action)
+            hindered = step.outcome in HINDERED
+            if step.worked:
+                tries = tries.after_success()
+            else:
+                tries = tries.with_failure(step.object, step.action, hindered)
         tries = replace(tries, number=scene.number)
         return replace(state, scene=scene, outcome="", tries=tries, progress=progress)
 
@@ -263,7 +275,7 @@ class DeclutterSequence(RecursiveFilter):
         if target is None:
             return self._look_elsewhere(state, NO_TARGET)
         if not self._config.clear:
-            return self._ended(state, "", target)
+            return self._ended(state, LEFT_ALONE, target)
         if graph.next < 0:
             return self._ended(state, "" if graph.why == TARGET_FREE else graph.why, target)
         if len(state.progress.steps) >= self._config.actions:
@@ -272,20 +284,20 @@ class DeclutterSequence(RecursiveFilter):
         others = [s for s in state.scene.segments if s.number != graph.next]
         grasps: Grasps = self._read(self._grasps, context)
         found = grasps.grasps.get(graph.next, ())
-        failed = state.tries.count(graph.next, DeclutterAction.GRASP)
-        is_grasp = vertex.action is DeclutterAction.GRASP
+        action = vertex.action or DeclutterAction.PUSH
+        failed = state.tries.count(graph.next, action)
+        is_grasp = action is DeclutterAction.GRASP
         request = ActionRequest(
             number=state.request.number + 1,
-            action=vertex.action or DeclutterAction.PUSH,
+            action=action,
             object=graph.next,
             grasps=found[failed:] or found if is_grasp else (),
-            push=graph.push,
+            pushes=graph.pushes[failed:] or graph.pushes,
             places=free_places(vertex.segment, others, target, self._config.around),
             top=vertex.segment.top,
             obstacles=boxes_around(others, self._height, self._config.around),
         )
-        view = replace(state.view, home=True)
-        return replace(state, phase=DeclutterPhase.CLEAR, request=request, view=view)
+        return replace(state, phase=DeclutterPhase.CLEAR, request=request)
 
     def _ended(self, state: SequenceState, why: str, target: Segment | None) -> SequenceState:
         """Lets the pose be sought, if the target was seen."""

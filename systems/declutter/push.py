@@ -154,15 +154,15 @@ def spares(segment: Segment, target: Segment, motion: Array, clearance: float) -
     return bool(over.max() <= over[0] + _AREA)
 
 
-def plan_push(
+def plan_pushes(
     segment: Segment, others: Sequence[Segment], target: Segment, config: PushConfig
-) -> Push:
-    """The push of an object, or why there is none.
+) -> tuple[Push, ...]:
+    """The pushes of an object that spare the target, the best one first; or one that says why not.
 
-    Directions are tried from that away from the clutter outwards, to the left first, until one
-    spares the target and lets the finger stand where no other object is. If the latter is so for
-    none, it is the one whose finger overlaps the others least. Among the places of the finger, the
-    one of least overlap is taken, then the one nearest to the line through the centroid.
+    There is one in each direction at most, from that away from the clutter outwards, to the left
+    first. Those whose finger stands where no other object is come first, then the others by how
+    much it overlaps with them. Among the places of the finger, the one of least overlap is taken,
+    then the one nearest to the line through the centroid.
 
     Args:
         segment: To be pushed.
@@ -171,7 +171,7 @@ def plan_push(
         config: Of the push.
     """
     away = away_from_clutter(segment, others, target, config.width)
-    crowded, failures = list[Push](), set[str]()
+    found, failures = list[Push](), set[str]()
     for turn in np.deg2rad(_both_sides(config.largest_turn, _TURN)):
         c, s = np.cos(turn), np.sin(turn)
         direction = np.array([[c, -s], [s, c]]) @ away
@@ -182,12 +182,11 @@ def plan_push(
         pushes = _pushes(segment, others, target, direction, height, config)
         if not pushes:
             failures.add(SWEEPS)
-        for push in pushes:
-            if push.overlap == 0.0:
-                return push
-        crowded += pushes
-    no_push = Push(why=f"every push {' or '.join(sorted(failures))}")
-    return min(crowded, key=lambda push: push.overlap, default=no_push)
+        else:
+            found.append(min(pushes, key=lambda push: push.overlap))
+    if not found:
+        return (Push(why=f"every push {' or '.join(sorted(failures))}"),)
+    return tuple(sorted(found, key=lambda push: push.overlap))
 
 
 def _both_sides(end: float, step: float) -> Array:
@@ -207,7 +206,7 @@ def _pushes(
     """All that spare the target, with each place of the finger, the middle one first."""
     if not spares(segment, target, config.length * direction, config.clearance):
         return []
-    found = []
+    found, middle = [], segment.centroid @ direction
     for offset in _both_sides(config.aside, _ASIDE):
         place = finger_place(segment, direction, offset, config)
         if place is None:
@@ -222,6 +221,7 @@ def _pushes(
                 point=point,
                 direction=direction,
                 length=config.length,
+                reach=float(middle - (shapely.get_coordinates(finger) @ direction).max()),
                 height=height,
                 finger=finger,
                 overlap=round(float(np.mean(overlaps)), 9),  # Rounding errors decide nothing.

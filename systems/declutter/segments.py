@@ -54,7 +54,7 @@ def on_plane(uv: Array, intrinsics: Intrinsics, X_WC: Array, z: Array) -> Array:
     Raises:
         ValueError: where a pixel's ray does not meet its plane in front of the camera.
     """
-    rays = _rays(uv, intrinsics, X_WC)
+    rays = intrinsics.rays(uv, X_WC)
     down = X_WC[2, 3] - z
     if not (down * -rays[:, 2] > 0.0).all():
         raise ValueError("a pixel shows no point of the table: its ray does not meet the plane")
@@ -95,9 +95,14 @@ def segment_of_mask(
     heights = np.full((height, width), np.nan)
     if depth is not None:
         part = replace(
-            intrinsics, center_x=intrinsics.center_x - u, center_y=intrinsics.center_y - v
+            intrinsics,
+            width=width,
+            height=height,
+            center_x=intrinsics.center_x - u,
+            center_y=intrinsics.center_y - v,
         )
-        heights = _heights(mask[window], part, X_WC, table, depth[window])
+        seen = np.maximum(part.heights(depth[window], X_WC, table), 0.0)
+        heights = np.where(mask[window], seen, np.nan)
 
     def place(uv: Array) -> Array:
         z = _medians_around(heights, uv.round().astype(int) - (u, v))
@@ -112,22 +117,6 @@ def segment_of_mask(
         pixels=pixels,
         top=float(np.quantile(known, _TOP)) if known.size else np.nan,
     )
-
-
-def _rays(uv: Array, intrinsics: Intrinsics, X_WC: Array) -> Array:
-    """From the camera through pixels (N, 2) to where their depth is one (N, 3), in W."""
-    focal_x, focal_y, center_x, center_y = intrinsics.vector()
-    u, v = (uv - (center_x, center_y)).T
-    return np.column_stack([u / focal_x, v / focal_y, np.ones(len(uv))]) @ X_WC[:3, :3].T
-
-
-def _heights(mask: Mask, intrinsics: Intrinsics, X_WC: Array, table: float, depth: Array) -> Array:
-    """Heights (H, W) above the table, at least zero; NaN where none was measured."""
-    known = mask & np.isfinite(depth) & (depth > 0.0)
-    rays = _rays(np.argwhere(known)[:, ::-1].astype(float), intrinsics, X_WC)
-    heights = np.full(mask.shape, np.nan)
-    heights[known] = np.maximum(X_WC[2, 3] + depth[known] * rays[:, 2] - table, 0.0)
-    return heights
 
 
 def _medians_around(heights: Array, corners: Ids) -> Array:

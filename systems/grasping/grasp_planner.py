@@ -41,7 +41,7 @@ class GraspPlannerConfig:
     least_quality: float = number(0.1, above=0.0, at_most=1.0)
     # Between the fingers and other objects, aside and below.
     clearance: float = number(0.003, at_least=0.0, at_most=0.05, unit="m")
-    # By which the fingers may be opened wider than the network says.
+    # By which the fingers may be opened wider than the network says: half of it on each side.
     widest: float = number(0.03, at_least=0.0, at_most=0.1, unit="m")
     # By which the fingers reach down beside an object at least; above others they go less deep.
     shallowest: float = number(0.02, above=0.0, at_most=0.1, unit="m")
@@ -73,10 +73,13 @@ def plan_grasps(
     output = network(network_input(view.heights)[None])[0]
     grasps, quality = grasps_of_output(output, view, config.least_quality)
     others = np.where(view.others > _TABLE, view.others, 0.0)
-    free = np.zeros(len(grasps), bool)
-    # The network says where and how; whether the fingers are open far enough is seen.
-    for wider in np.arange(0.0, config.widest + 1e-9, CELL):
-        tried = grasps.copy()
+    # The network says where and how; whether the fingers are open far enough is seen. Of all free
+    # openings the one in the middle is as far from the object as from what is around it.
+    openings = np.arange(0.0, config.widest + 1e-9, CELL)
+    ways = np.empty((len(openings), *grasps.shape))
+    free = np.zeros((len(openings), len(grasps)), bool)
+    for tried, is_free, wider in zip(ways, free, openings, strict=True):
+        tried[:] = grasps
         tried[:, 3] = np.minimum(tried[:, 3] + wider, STROKE)
         under = highest_under_fingers(others, tried, view, config.clearance)
         above = np.where(under > 0.0, under + config.clearance, 0.0)
@@ -84,9 +87,10 @@ def plan_grasps(
         # What is thin is grasped as deep as it is.
         deep = tops(view.heights, tried, view) - tried[:, 4] >= config.shallowest
         deep |= tried[:, 4] == grasps[:, 4]
-        found = ~free & deep & ~is_blocked(np.maximum(view.heights, others), tried, view)
-        grasps[found], free = tried[found], free | found
-    return grasps[free], quality[free]
+        is_free[:] = deep & ~is_blocked(np.maximum(view.heights, others), tried, view)
+    found = np.flatnonzero(free.any(axis=0))
+    middle = [k[len(k) // 2] for k in map(np.flatnonzero, free[:, found].T)]
+    return ways[middle, found], quality[found]
 
 
 def grasp_pose(grasp: Array, table: float) -> Array:
@@ -115,7 +119,9 @@ def find_all_grasps(
         config: What must be free.
     """
     assert masks.intrinsics is not None, "only before the first image there are none"
-    seen = seen_points(masks.depth, masks.objects, masks.intrinsics, masks.X_WC, table)
+    glass = np.isin(masks.objects, [*masks.glass])
+    depth = np.where(glass, 0.0, masks.depth)  # It is that of what is behind.
+    seen = seen_points(depth, masks.objects, masks.intrinsics, masks.X_WC, table, masks.glass)
     found = {}
     for label in np.unique(masks.objects[masks.objects >= 0]).tolist():
         rows, quality = plan_grasps(height_map(seen, label), network, config)

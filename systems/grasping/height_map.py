@@ -4,6 +4,7 @@ A cell of such a map means the same length on the table wherever the camera was 
 looked, and its axes are those of the world W, whose z is up. Heights are above the table.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import cv2
@@ -46,11 +47,6 @@ class HeightMap(Immutable):
         """Places (..., 2) in W of columns and rows (..., 2), [m]."""
         return np.asarray(self.corner + CELL * cells)
 
-    @property
-    def surroundings(self) -> Array:
-        """Heights (CELLS, CELLS) of all that is there, [m]."""
-        return np.maximum(self.heights, self.others)
-
 
 @dataclass(frozen=True, kw_only=True)
 class SeenPoints(Immutable):
@@ -59,18 +55,25 @@ class SeenPoints(Immutable):
     Attributes:
         xy: Place (H, W, 2) in W, [m]; NaN where nothing is known.
         heights: Above the table, [m]; NaN likewise.
+        highest: At most, where it is not seen how high it is; else the same, [m].
         labels: Number of the object, -1 where there is none.
         gap: So many cells of a map at most lie between the places of neighbouring pixels.
     """
 
     xy: Array
     heights: Array
+    highest: Array
     labels: Ids
     gap: int
 
 
 def seen_points(
-    depth: Array, labels: Ids, intrinsics: Intrinsics, X_WC: Array, table: float
+    depth: Array,
+    labels: Ids,
+    intrinsics: Intrinsics,
+    X_WC: Array,
+    table: float,
+    glass: Mapping[int, float] | None = None,
 ) -> SeenPoints:
     """The points that a camera above the table sees.
 
@@ -83,24 +86,25 @@ def seen_points(
         intrinsics: Of both.
         X_WC: Of the camera (4, 4).
         table: z of the table in W, [m].
+        glass: Numbers of objects through which the camera looks, and their greatest heights, [m].
     """
-    focal_x, focal_y, center_x, center_y = intrinsics.vector()
-    u, v = np.meshgrid(np.arange(intrinsics.width), np.arange(intrinsics.height))
-    rays = np.stack([(u - center_x) / focal_x, (v - center_y) / focal_y, np.ones(u.shape)], -1)
-    rays = rays @ X_WC[:3, :3].T
-    above = X_WC[2, 3] - table
-    measured = np.isfinite(depth) & (depth > 0.0)
-    heights = np.where(measured, above + np.where(measured, depth, 0.0) * rays[..., 2], np.nan)
+    heights = intrinsics.heights(depth, X_WC, table)
     for label in np.unique(labels[labels >= 0]):
         _fill(heights, labels == label)
+    highest = heights.copy()
+    for label, bound in (glass or {}).items():
+        highest[labels == label] = bound
     # Where a ray is at the height that was seen there.
-    along = np.where(rays[..., 2] < 0.0, (above - heights) / -rays[..., 2], np.nan)
+    rays = intrinsics.image_rays(X_WC)
+    down = X_WC[2, 3] - table - heights
+    along = np.where(rays[..., 2] < 0.0, down / -rays[..., 2], np.nan)
     farthest = np.nanmax(along[labels >= 0], initial=0.0)
     return SeenPoints(
         xy=X_WC[:2, 3] + along[..., None] * rays[..., :2],
         heights=heights,
+        highest=highest,
         labels=labels,
-        gap=int(np.ceil(farthest / (CELL * min(focal_x, focal_y)))),
+        gap=int(np.ceil(farthest / (CELL * min(intrinsics.focal_x, intrinsics.focal_y)))),
     )
 
 
@@ -132,9 +136,9 @@ def height_map(seen: SeenPoints, label: int) -> HeightMap:
     away = np.abs(seen.xy - middle)
     inside = (away[..., 0] < half) & (away[..., 1] < half)
     corner = middle - half + 0.5 * CELL
-    heights = _from_above(seen, inside & is_object, corner)
-    others = _from_above(seen, inside & ~is_object & (seen.labels >= 0), corner)
-    beside = _from_above(seen, inside & (seen.labels < 0), corner)
+    heights = _from_above(seen, seen.heights, inside & is_object, corner)
+    others = _from_above(seen, seen.highest, inside & ~is_object & (seen.labels >= 0), corner)
+    beside = _from_above(seen, seen.heights, inside & (seen.labels < 0), corner)
     rim = cv2.dilate(heights, np.ones((2 * _RIM + 1,) * 2)) > 0.0
     return HeightMap(
         heights=heights, others=np.maximum(others, np.where(rim, 0.0, beside)), corner=corner
@@ -154,9 +158,9 @@ def _extent(there: Mask) -> Ids:
     return np.arange(indices[0], indices[-1] + 1)
 
 
-def _from_above(seen: SeenPoints, chosen: Mask, corner: Array) -> Array:
-    """The greatest height in each cell (CELLS, CELLS), zero where there is none."""
+def _from_above(seen: SeenPoints, heights: Array, chosen: Mask, corner: Array) -> Array:
+    """The greatest of the heights (H, W) in each cell (CELLS, CELLS), zero where there is none."""
     columns, rows = np.round((seen.xy[chosen] - corner) / CELL).astype(int).T
     found = np.zeros((CELLS, CELLS))
-    np.maximum.at(found, (rows, columns), seen.heights[chosen])
+    np.maximum.at(found, (rows, columns), heights[chosen])
     return np.asarray(cv2.morphologyEx(found, cv2.MORPH_CLOSE, np.ones((2 * seen.gap + 1,) * 2)))

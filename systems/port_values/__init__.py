@@ -28,7 +28,6 @@ from crossmodal.systems.port_values.declutter import (
     NO_GRASPS,
     NO_MASKS,
     NO_PROGRESS,
-    NO_PUSH,
     NO_SEGMENTS,
     NO_TRIES,
     ActionRequest,

@@ -18,6 +18,7 @@ import shapely
 from crossmodal.maths.arrays import Array, Ids, unknown
 from crossmodal.maths.immutable import Immutable
 from crossmodal.maths.pinhole import Intrinsics
+from crossmodal.systems.port_values.pose import Boxes
 
 _NOTHING: shapely.Geometry = shapely.Polygon()
 
@@ -89,13 +90,13 @@ class Segments(Immutable):
 
 @dataclass(frozen=True, kw_only=True)
 class Grasp(Immutable):
-    """A grasp by two fingers from above, or from aside.
+    """A grasp by two fingers that approach along z of E, today always from above.
 
     Attributes:
         X_WE: Of the gripper's frame E (4, 4) when it has closed: the middle of the fingers' ends, z
             along the approach, x along the opening.
         width: Between the fingers' faces before they close, [m].
-        quality: 0 to 1, how likely it is to hold.
+        quality: 0 to 1, the network's, by which grasps are compared; no probability.
     """
 
     X_WE: Array
@@ -128,19 +129,28 @@ class Tries(Immutable):
     Attributes:
         number: Of the image up to which they were counted.
         failed: Counts by the object's number and the action.
+        hindered: Likewise of those that something in the way prevented, since the last action that
+            worked: that may have taken it away.
     """
 
     number: int = 0
     failed: Mapping[tuple[int, DeclutterAction], int] = field(default_factory=dict)
+    hindered: Mapping[tuple[int, DeclutterAction], int] = field(default_factory=dict)
 
     def count(self, number: int, action: DeclutterAction) -> int:
         """How often an action has failed on an object."""
-        return self.failed.get((number, action), 0)
-
-    def with_failure(self, number: int, action: DeclutterAction) -> "Tries":
-        """The same and one more."""
         key = (number, action)
-        return replace(self, failed={**self.failed, key: self.count(*key) + 1})
+        return self.failed.get(key, 0) + self.hindered.get(key, 0)
+
+    def with_failure(self, number: int, action: DeclutterAction, hindered: bool) -> "Tries":
+        """The same and one more."""
+        key, counts = (number, action), self.hindered if hindered else self.failed
+        counts = {**counts, key: counts.get(key, 0) + 1}
+        return replace(self, hindered=counts) if hindered else replace(self, failed=counts)
+
+    def after_success(self) -> "Tries":
+        """After an action that worked."""
+        return replace(self, hindered={})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -153,6 +163,8 @@ class Push(Immutable):
         point: Where the finger pushes on the contour (2,), in W, [m].
         direction: Of the push (2,), a unit vector in W.
         length: From the contact on, [m].
+        reach: Way of the finger to beside the object's middle, [m]; what it has not met by then is
+            not where it seems to be.
         height: Highest one above the table at which the finger may push, [m].
         finger: The rectangle in which the finger comes down, in W, [m].
         overlap: Mean over the other objects of the IoU of their contours with the finger's place;
@@ -163,12 +175,10 @@ class Push(Immutable):
     point: Array = unknown(2)
     direction: Array = unknown(2)
     length: float = np.nan
+    reach: float = np.nan
     height: float = np.nan
     finger: shapely.Geometry = _NOTHING
     overlap: float = np.nan
-
-
-NO_PUSH = Push(why="no push is wanted")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -199,7 +209,7 @@ class DeclutterGraph(Immutable):
         vertices: The root, then what hangs on it, then what hangs on that, and so on.
         apart: The objects that hang on nothing.
         next: Number of the object to take away; -1 for none.
-        push: How, where it is to be pushed.
+        pushes: How it may be pushed, where it is to be, the best one first.
         why: Why there is none, in words.
     """
 
@@ -207,7 +217,7 @@ class DeclutterGraph(Immutable):
     vertices: tuple[DeclutterVertex, ...] = ()
     apart: tuple[Segment, ...] = ()
     next: int = -1
-    push: Push = NO_PUSH
+    pushes: tuple[Push, ...] = ()
     why: str = ""
 
     def vertex(self, number: int) -> DeclutterVertex:
@@ -228,12 +238,6 @@ class DeclutterGraph(Immutable):
         return tuple(v for v in self.vertices[1:] if v.segment.number not in parents)
 
 
-NO_SEGMENTS = Segments()
-NO_GRASPS = Grasps()
-NO_TRIES = Tries()
-NO_GRAPH = DeclutterGraph(why="there is no image yet")
-
-
 @dataclass(frozen=True, kw_only=True)
 class ActionRequest(Immutable):
     """What an arm is to do with an object on the table.
@@ -244,7 +248,7 @@ class ActionRequest(Immutable):
         object: Its number.
         grasps: That may be tried, the preferred one first: the first that the arm can reach is
             made; empty for a push.
-        push: Of the object; `NO_PUSH` for a grasp.
+        pushes: Likewise; empty for a grasp.
         places: Where a grasped object may be put down (K, 2), x and y in W of the frame E, the
             preferred one first, [m].
         top: Height of the object above the table, [m]; NaN where it is not known.
@@ -257,10 +261,10 @@ class ActionRequest(Immutable):
     action: DeclutterAction = DeclutterAction.PUSH
     object: int = -1
     grasps: tuple[Grasp, ...] = ()
-    push: Push = NO_PUSH
+    pushes: tuple[Push, ...] = ()
     places: Array = field(default_factory=lambda: np.zeros((0, 2)))
     top: float = np.nan
-    obstacles: tuple[tuple[Array, Array], ...] = ()
+    obstacles: Boxes = ()
     done: bool = False
 
 
@@ -295,7 +299,7 @@ class DeclutterProgress(Immutable):
         steps: All actions that were judged.
         done: Whether no more follow.
         found: Whether the target was seen in the last image.
-        why: Why it ended, in words; empty if the target is free or nothing was to be cleared.
+        why: Why it ended, in words; empty if the target is free.
     """
 
     steps: tuple[DeclutterStep, ...] = ()
@@ -312,6 +316,8 @@ class ObjectMasks(Immutable):
         number: Of the image, as in `Segments`.
         view: Number of the view at which it was taken.
         objects: Number of the object that each pixel shows (H, W); -1 where none.
+        glass: Numbers of those that a depth camera looks through, and how high each is at most
+            above the table, [m].
         colour: Red, green and blue (H, W, 3), 0 to 255.
         depth: (H, W) along the camera's axis, [m]; zero where none was measured.
         intrinsics: Of the image; None before the first one.
@@ -321,12 +327,17 @@ class ObjectMasks(Immutable):
     number: int = 0
     view: int = 0
     objects: Ids = field(default_factory=lambda: np.full((0, 0), -1))
+    glass: Mapping[int, float] = field(default_factory=dict)
     colour: npt.NDArray[np.uint8] = field(default_factory=lambda: np.zeros((0, 0, 3), np.uint8))
     depth: Array = field(default_factory=lambda: np.zeros((0, 0)))
     intrinsics: Intrinsics | None = None
     X_WC: Array = unknown(4, 4)
 
 
+NO_SEGMENTS = Segments()
+NO_GRASPS = Grasps()
+NO_TRIES = Tries()
+NO_GRAPH = DeclutterGraph(why="there is no image yet")
 NO_ACTION = ActionRequest()
 NO_MASKS = ObjectMasks()
 NO_PROGRESS = DeclutterProgress()

@@ -26,7 +26,7 @@ CLASSES = (
     "wineglass",
     OTHER,
 )
-TRANSPARENT = ("transparent_box", "wineglass")
+TRANSPARENT = ("transparent_box", "wineglass")  # Goods that a camera looks through.
 SHAPE = 6, 240, 320  # Channels, height and width.
 
 _LOWEST, _HIGHEST = -0.1, 0.4  # Of the heights that are told apart, [m].
@@ -64,37 +64,16 @@ def network_input(
     if masked is not None:
         colour = np.where(masked[..., None], np.uint8(128), colour)
         depth = np.where(masked, 0.0, depth)
-    heights = heights_above(depth, intrinsics, X_WC, table)
+    heights = intrinsics.heights(depth, X_WC, table)
     known = np.isfinite(heights)
+    descent = -intrinsics.image_rays(X_WC)[..., 2]  # Per depth.
     made = np.empty(SHAPE, np.float32)
     rgb = cv2.resize(colour, small, interpolation=cv2.INTER_AREA)
     made[:3] = rgb.transpose(2, 0, 1) / np.float32(127.5) - np.float32(1.0)
     for channel, image in (
         (3, np.where(known, np.clip(heights, _LOWEST, _HIGHEST) / _UNIT, 0.0)),
         (4, ~known),
-        (5, np.maximum(_descent(intrinsics, X_WC), 0.0) / max(X_WC[2, 3] - table, _UNIT)),
+        (5, np.maximum(descent, 0.0) / max(X_WC[2, 3] - table, _UNIT)),
     ):
         made[channel] = cv2.resize(image.astype(np.float32), small, interpolation=cv2.INTER_NEAREST)
     return made
-
-
-def heights_above(
-    depth: npt.NDArray[np.floating], intrinsics: Intrinsics, X_WC: Array, table: float
-) -> Array:
-    """Heights (H, W) above the table, [m]; NaN where no depth was measured.
-
-    Args:
-        depth: (H, W) along the camera's axis, [m]; zero, NaN or infinite where none was measured.
-        intrinsics: Of the image.
-        X_WC: Of the camera (4, 4).
-        table: z of the table's plane in W, [m].
-    """
-    known = np.where(np.isfinite(depth) & (depth > 0.0), depth, np.nan)
-    return np.asarray(X_WC[2, 3] - table - known * _descent(intrinsics, X_WC))
-
-
-def _descent(intrinsics: Intrinsics, X_WC: Array) -> Array:
-    """By how much each pixel's ray goes down per depth (H, W)."""
-    x = (np.arange(intrinsics.width) - intrinsics.center_x) / intrinsics.focal_x
-    y = (np.arange(intrinsics.height) - intrinsics.center_y) / intrinsics.focal_y
-    return np.asarray(-(X_WC[2, 0] * x + X_WC[2, 1] * y[:, None] + X_WC[2, 2]))

@@ -1,6 +1,7 @@
 """The system that says which objects stand on a table, in each image that is taken for it."""
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -24,7 +25,7 @@ from crossmodal.systems.port_values import (
     StampedImage,
 )
 from crossmodal.systems.recursive_filter import RecursiveFilter
-from crossmodal.systems.segmentation.network_input import heights_above, network_input
+from crossmodal.systems.segmentation.network_input import network_input
 from crossmodal.systems.segmentation.objects import (
     ObjectsConfig,
     SeenObject,
@@ -85,30 +86,40 @@ def objects_in(view: View, network: OnnxNetwork, config: ObjectsConfig) -> list[
     camera, X_WC, table = view.intrinsics, view.X_WC, view.table
     x = network_input(view.colour, view.depth, view.masked, camera, X_WC, table)
     classes = class_probabilities(network, x, view.depth.shape).argmax(axis=0)
-    heights = heights_above(view.depth, camera, X_WC, table)
+    heights = camera.heights(view.depth, X_WC, table)
     return seen_objects(classes, view.depth, heights, view.masked, config)
 
 
 def segments_in(
-    view: View, found: list[SeenObject], region: shapely.Polygon
+    view: View, found: list[SeenObject], region: shapely.Polygon, glass: Mapping[str, float]
 ) -> tuple[tuple[Segment, ...], list[Mask]]:
     """The objects on a part of the table, numbered from zero, and their masks.
 
-    What the ray of a pixel misses the table for is beyond it, and left out.
+    What the ray of a pixel misses the table for is beyond it, and left out. Depth says nothing of
+    glass, which is as high as it can be, then, and outlined as if it were half as high.
 
     Args:
         view: Of the table.
         found: What `objects_in` gave.
         region: Of the table in W, [m].
+        glass: Greatest heights of the classes that a depth camera looks through, [m].
     """
     kept: list[tuple[Segment, Mask]] = []
     for one in found:
+        highest = glass.get(one.name)
         try:
             segment = segment_of_mask(
-                len(kept), one.name, one.mask, view.intrinsics, view.X_WC, view.table, view.depth
+                len(kept),
+                one.name,
+                one.mask,
+                view.intrinsics,
+                view.X_WC,
+                view.table + (0.5 * (highest or 0.0)),
+                None if highest else view.depth,
             )
         except ValueError:
             continue
+        segment = replace(segment, top=highest or segment.top)
         if region.contains(segment.contour.centroid):
             kept.append((segment, one.mask))
     return tuple(segment for segment, _ in kept), [mask for _, mask in kept]
@@ -136,6 +147,7 @@ class Segmenter(RecursiveFilter):
         intrinsics: Of the images, as believed.
         table: z of the table's plane in W, as believed, [m].
         region: Of the table in W, outside of which nothing is looked for, [m].
+        glass: Greatest heights of the classes that a depth camera looks through, [m].
         config: Of objects.
         period: Of the ticks, [s].
 
@@ -149,6 +161,7 @@ class Segmenter(RecursiveFilter):
         intrinsics: Intrinsics,
         table: float,
         region: shapely.Polygon,
+        glass: Mapping[str, float],
         config: SegmenterConfig,
         period: float,
     ) -> None:
@@ -156,6 +169,7 @@ class Segmenter(RecursiveFilter):
         check(config, "Segmenter")
         self._network, self._config = network, config
         self._intrinsics, self._table, self._region = intrinsics, table, region
+        self._glass = glass
         self._colour, self._depth = (
             self._declare_value_input(name, StampedImage(time=0.0, image=kind()))
             for name, kind in (("color_measured", ImageRgba8U), ("depth_measured", ImageDepth32F))
@@ -174,7 +188,10 @@ class Segmenter(RecursiveFilter):
         image: StampedImage = self._read(self._depth, context)
         view = self._view(context, image)
         seen, masks = segments_in(
-            view, objects_in(view, self._network, self._config.objects), self._region
+            view,
+            objects_in(view, self._network, self._config.objects),
+            self._region,
+            self._glass,
         )
         named = with_known_numbers(seen, before.known, self._config.reach)
         objects = np.full(view.depth.shape, -1)
@@ -189,6 +206,7 @@ class Segmenter(RecursiveFilter):
                 number=count,
                 view=looked,
                 objects=objects,
+                glass={s.number: s.top for s in named if s.name in self._glass},
                 colour=view.colour,
                 depth=view.depth,
                 intrinsics=view.intrinsics,

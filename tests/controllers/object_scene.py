@@ -19,6 +19,7 @@ from crossmodal.controllers.primitives.move_object_config import (
 from crossmodal.models import SDF_DIR
 from crossmodal.models.gripper_taxels import ARRAYS, gripper_taxels
 from crossmodal.plants.hands.taxel_gripper import taxel_shapes
+from crossmodal.plants.robots.panda import PANDA_AWAY
 from crossmodal.plants.robots.ur5 import UR5_HOME
 from crossmodal.plants.scene import ObjectPlacement, PlantConfig, add_manipulation_scene
 from crossmodal.systems.port_values import ActionRequest
@@ -74,7 +75,7 @@ class ObjectScene:
                 touch_planner(),
                 _GRIPPER,
                 UR5_HOME,
-                {"camera_arm": 7},
+                {"camera_arm": PANDA_AWAY},
             ),
         )
         layout = gripper_taxels()

@@ -49,8 +49,8 @@ def graph_picture(graph: DeclutterGraph, image: npt.NDArray[np.uint8] | None = N
                 ends = np.array([places[v.parent], places[v.segment.number]])
                 axes.plot(*ends.T, color=colors[v.segment.number], lw=2.0)
                 _write(axes, tuple(ends.mean(axis=0)), f"{v.weight:.2f}", 4.0)
-        if image is None and not graph.push.why:
-            push, color = graph.push, COLORS[DeclutterAction.PUSH]
+        if image is None and graph.pushes:
+            push, color = graph.pushes[0], COLORS[DeclutterAction.PUSH]
             _draw(axes, push.finger, TRUTH, 0.5)
             way = push.length * push.direction
             axes.quiver(*push.point, *way, color=color, units="xy", scale_units="xy", scale=1.0)

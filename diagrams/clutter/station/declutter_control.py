@@ -19,11 +19,13 @@ from crossmodal.diagrams.clutter.station.wiring import StationWiring
 from crossmodal.diagrams.stations.drives import add_drives, follow
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
+from crossmodal.plants.goods.dense_clutter import mesh_vertices
 from crossmodal.systems.declutter.declutter_planner import DeclutterPlanner
 from crossmodal.systems.declutter.declutter_sequence import DeclutterSequence
 from crossmodal.systems.grasping.grasp_planner import GraspPlanner
 from crossmodal.systems.port_values import ViewRequest
 from crossmodal.systems.pose.target_model import TargetModel
+from crossmodal.systems.segmentation.network_input import TRANSPARENT
 from crossmodal.systems.segmentation.objects import load_network
 from crossmodal.systems.segmentation.segmenter import Segmenter
 
@@ -78,6 +80,7 @@ def add_declutter_control(
             camera.intrinsics,
             height,
             region,
+            {name: float(np.ptp(mesh_vertices(name), axis=0).max()) for name in TRANSPARENT},
             perception.segmenter,
             period,
         ),
@@ -106,7 +109,7 @@ def add_declutter_control(
             arms.planners[TOUCH_ARM],
             GRIPPER,
             arms.q_home[TOUCH_ARM],
-            {CAMERA_ARM: arms.arms[CAMERA_ARM].num_joints},
+            {CAMERA_ARM: arms.q_home[CAMERA_ARM]},
         ),
     )
     looker = sensors.encoders[CAMERA_ARM].GetOutputPort("joint_state_measured")

@@ -53,19 +53,23 @@ def _make_file(path: Path, number: int, seed: int) -> Path:
         return path
     scenes = range(SCENES * number, SCENES * (number + 1))
     samples = [sample for scene in scenes for sample in draw_samples(seed, scene)]
-    views = [view_of(sample) for sample in samples]
-    arrays = {
+    return save_views(path, [view_of(sample) for sample in samples])
+
+
+def save_views(path: Path, views: Sequence[View]) -> Path:
+    """Writes a file that `load_views` reads, with heights of half precision."""
+    arrays: dict[str, Any] = {
         "heights": np.array([view.heights for view in views], np.float16),
         "counts": np.array([len(view.grasps) for view in views]),
         "grasps": np.concatenate([view.grasps for view in views]).astype(np.float32),
         "liking": np.concatenate([view.liking for view in views]).astype(np.float32),
     }
-    return write_atomically(path, lambda place: _save(place, arrays))
 
+    def save(place: Path) -> None:
+        with place.open("wb") as file:
+            np.savez_compressed(file, **arrays)
 
-def _save(path: Path, arrays: dict[str, Any]) -> None:
-    with path.open("wb") as file:
-        np.savez_compressed(file, **arrays)
+    return write_atomically(path, save)
 
 
 def view_of(sample: Sample) -> View:

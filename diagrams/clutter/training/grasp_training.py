@@ -2,14 +2,13 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 
-from crossmodal.diagrams.run.folder.run_folder import write_atomically
+from crossmodal.diagrams.clutter.training.resumable_training import train_epochs
 from crossmodal.maths.arrays import Array, Ids
 from crossmodal.models.gripper_taxels import WIDTH
 from crossmodal.systems.grasping.grasp_network import WIDTH_SCALE, network_input
@@ -137,33 +136,18 @@ def train(
     import torch
 
     torch.set_num_threads(jobs)
-    optimiser = torch.optim.Adam(network.parameters(), LEARNING_RATE)
-    steps = epochs * -(-len(views) // batch)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, LEARNING_RATE, total_steps=steps)
-    parts: dict[str, Any] = {"network": network, "optimiser": optimiser, "schedule": schedule}
-    losses: list[float] = []
-    if checkpoint is not None and checkpoint.is_file():
-        kept = torch.load(checkpoint, weights_only=True)
-        losses = kept["losses"]
-        for name, part in parts.items():
-            part.load_state_dict(kept[name])
-    yield from losses
-    for epoch in range(len(losses), epochs):
-        rng, total = make_generator(seed, "grasp training", epoch), 0.0
+
+    def losses_of(epoch: int) -> Iterator[tuple[Any, float]]:
+        rng = make_generator(seed, "grasp training", epoch)
         order = rng.permutation(len(views))
         for start in range(0, len(order), batch):
             x, y = _batch(views, order[start : start + batch], rng)
-            optimiser.zero_grad()
             loss = loss_of(network(torch.as_tensor(x)), torch.as_tensor(y))
-            loss.backward()
-            optimiser.step()
-            schedule.step()
-            total += loss.item() * len(x) / len(views)
-        losses.append(total)
-        if checkpoint is not None:
-            kept = {name: part.state_dict() for name, part in parts.items()}
-            write_atomically(checkpoint, partial(torch.save, {**kept, "losses": losses}))
-        yield total
+            yield loss, len(x) / len(views)
+
+    optimiser = torch.optim.Adam(network.parameters(), LEARNING_RATE)
+    steps = -(-len(views) // batch)
+    yield from train_epochs(network, optimiser, steps, epochs, losses_of, checkpoint)
 
 
 def _batch(views: Sequence[View], chosen: Ids, rng: np.random.Generator) -> tuple[Array, Array]:

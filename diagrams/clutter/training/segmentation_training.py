@@ -1,7 +1,6 @@
 """Trains the segmentation network, scores it on scenes that it has not seen, and writes it."""
 
 from collections.abc import Iterator
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -9,6 +8,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from crossmodal.diagrams.clutter.training.resumable_training import train_epochs
 from crossmodal.diagrams.clutter.training.segmentation_data import Images, is_dense, is_held_out
 from crossmodal.diagrams.evaluation.campaign_report import made_by
 from crossmodal.diagrams.evaluation.metric_table import Table
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from crossmodal.diagrams.clutter.training.segmentation_network import SegmentationNetwork
 
 FILES = ("segmentation.onnx", "segmentation.md")  # Weights and card.
-EPOCHS = 14
 _BATCH = 8
 _RATE = 4e-3  # Largest learning rate.
 _DECAY = 1e-2
@@ -111,39 +110,22 @@ def train(
     from torch.nn.functional import cross_entropy, interpolate
 
     torch.set_num_threads(jobs)
-    optimiser = torch.optim.AdamW(network.parameters(), _RATE, weight_decay=_DECAY)
-    batches = len(images.colour) // batch
-    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, _RATE, total_steps=epochs * batches)
-    parts: dict[str, Any] = {"network": network, "optimiser": optimiser, "schedule": schedule}
-    losses: list[float] = []
-    if checkpoint is not None and checkpoint.exists():
-        kept = torch.load(checkpoint, weights_only=True)
-        losses = kept["losses"]
-        for name, part in parts.items():
-            part.load_state_dict(kept[name])
-    yield from losses
+    steps = len(images.colour) // batch
     weights = torch.tensor(_class_weights(images.labels), dtype=torch.float32)
-    for epoch in range(len(losses), epochs):
-        rng, total = make_generator(seed, "segmentation training", epoch), 0.0
-        network.train()
-        order = rng.permutation(len(images.colour))[: batches * batch].reshape(batches, batch)
+
+    def losses_of(epoch: int) -> Iterator[tuple[Any, float]]:
+        rng = make_generator(seed, "segmentation training", epoch)
+        order = rng.permutation(len(images.colour))[: steps * batch].reshape(steps, batch)
         for chosen in order:
             made = [sample(images, int(index), rng) for index in chosen]
             x, labels = (torch.from_numpy(np.stack(part)) for part in zip(*made, strict=True))
             logits = network(x.to(memory_format=torch.channels_last))
             logits = interpolate(logits, scale_factor=2.0, mode="bilinear")
             loss = cross_entropy(logits, labels.long(), weights, ignore_index=_IGNORED)
-            optimiser.zero_grad()
-            loss.backward()
-            optimiser.step()
-            schedule.step()
-            total += float(loss.detach())
-        losses.append(total / batches)
-        if checkpoint is not None:
-            kept = {name: part.state_dict() for name, part in parts.items()}
-            kept["losses"] = losses
-            write_atomically(checkpoint, partial(torch.save, kept))
-        yield losses[-1]
+            yield loss, 1.0 / steps
+
+    optimiser = torch.optim.AdamW(network.parameters(), _RATE, weight_decay=_DECAY)
+    yield from train_epochs(network, optimiser, steps, epochs, losses_of, checkpoint)
 
 
 def _class_weights(labels: npt.NDArray[np.uint8]) -> Array:

@@ -56,13 +56,16 @@ GAP = 0.005
 PUSH = ActionRequest(
     number=1,
     object=4,
-    push=Push(
-        point=AT,
-        direction=np.array([0.0, 1.0]),
-        length=0.1,
-        height=0.03,
-        finger=shapely.box(AT[0] - 0.0135, AT[1] - GAP - 0.028, AT[0] + 0.0135, AT[1] - GAP),
-        overlap=0.0,
+    pushes=(
+        Push(
+            point=AT,
+            direction=np.array([0.0, 1.0]),
+            length=0.1,
+            reach=0.03,
+            height=0.03,
+            finger=shapely.box(AT[0] - 0.0135, AT[1] - GAP - 0.028, AT[0] + 0.0135, AT[1] - GAP),
+            overlap=0.0,
+        ),
     ),
     top=0.1,
 )
@@ -123,7 +126,7 @@ class Trial:
 
     def __init__(self, planner: MotionPlanner, world: World) -> None:
         self.system = MoveObject(
-            CONFIG, touch_arm(), planner, "gripper", UR5_HOME, {"camera_arm": 7}
+            CONFIG, touch_arm(), planner, "gripper", UR5_HOME, {"camera_arm": PANDA_AWAY}
         )
         self.simulator = Simulator(self.system)
         self.context = self.simulator.get_mutable_context()
@@ -254,9 +257,17 @@ def test_a_gripper_that_closes_on_nothing_has_missed(planner: MotionPlanner) -> 
 def test_what_meets_the_fingers_ends_on_the_way_down_blocks(
     planner: MotionPlanner, wanted: ActionRequest
 ) -> None:
-    trial, end = done(planner, wanted, World(obstacle=HEIGHT + 0.03))
+    trial, end = done(planner, wanted, World(obstacle=HEIGHT + 0.04))
     assert end.outcome == "blocked"
     assert trial.phases[4:6] == [ActionPhase.RETREAT, ""]
+
+
+def test_what_stops_the_fingers_once_they_are_deep_enough_does_not_matter(
+    planner: MotionPlanner,
+) -> None:
+    # Their ends stop 2.5 cm below the object's top.
+    trial, _ = done(planner, GRASP, World(obstacle=HEIGHT + 0.025))
+    assert trial.phases[4] == ActionPhase.CLOSE
 
 
 def test_what_stops_the_fingers_just_before_the_grasp_is_the_table(planner: MotionPlanner) -> None:

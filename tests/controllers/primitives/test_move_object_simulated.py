@@ -25,13 +25,16 @@ GRASP = ActionRequest(
 )
 PUSH = ActionRequest(
     number=1,
-    push=Push(
-        point=np.array([0.567, -0.1]),
-        direction=np.array([1.0, 0.0]),
-        length=0.1,
-        height=0.03,
-        finger=shapely.box(0.534, -0.1135, 0.562, -0.0865),
-        overlap=0.0,
+    pushes=(
+        Push(
+            point=np.array([0.567, -0.1]),
+            direction=np.array([1.0, 0.0]),
+            length=0.1,
+            reach=0.03,
+            height=0.03,
+            finger=shapely.box(0.534, -0.1135, 0.562, -0.0865),
+            overlap=0.0,
+        ),
     ),
     top=0.115,
     obstacles=(BOXED,),

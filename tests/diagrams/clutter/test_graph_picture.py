@@ -58,7 +58,7 @@ def test_it_says_what_is_next(graph: DeclutterGraph) -> None:
 
 
 def test_a_push_is_drawn_with_its_finger(graph: DeclutterGraph) -> None:
-    assert not graph.push.why
+    assert graph.pushes
     axes = graph_picture(graph).axes[0]
     assert len(axes.patches) == len(NAMES) + 1
     assert len(axes.lines) == 3

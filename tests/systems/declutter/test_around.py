@@ -1,10 +1,13 @@
 """Boxes around objects, free places, and a guess of where an object is."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import shapely
 import trimesh
 from numpy.testing import assert_allclose
+from shapely import affinity
 
 from crossmodal.systems.declutter.around import (
     AroundConfig,
@@ -17,12 +20,13 @@ from crossmodal.systems.pose.target_model import make_target
 from tests.systems.declutter.scenes import random_scene, rectangle
 
 CONFIG = AroundConfig()
+CORNERS = ((-1, -1), (1, -1), (1, 1), (-1, 1))
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.7, -1.2])
 def test_a_box_holds_its_object_and_no_more(angle: float) -> None:
     segment = rectangle(1, "can", (0.5, 0.1), (0.2, 0.06), angle)
-    ((edges, X_WB),) = boxes_around([segment], 0.01, CONFIG)
+    ((edges, X_WB),) = boxes_around([segment], 0.01, replace(CONFIG, slab=1.0))
     assert_allclose(sorted(edges), [0.06, 0.2, CONFIG.unknown_top], atol=1e-12)
     assert_allclose(X_WB[:3, 3], [0.5, 0.1, 0.01 + 0.5 * CONFIG.unknown_top], atol=1e-12)
     assert_allclose(X_WB[:3, :3] @ X_WB[:3, :3].T, np.eye(3), atol=1e-12)
@@ -31,10 +35,28 @@ def test_a_box_holds_its_object_and_no_more(angle: float) -> None:
     assert_allclose(inside, np.tile(0.5 * edges[:2], (4, 1)), atol=1e-12)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_boxes_along_an_object_hold_all_of_it_and_are_smaller_than_one(seed: int) -> None:
+    angle = np.random.default_rng(seed).uniform(-np.pi, np.pi)
+    wedge = shapely.Polygon([(0.0, -0.05), (0.2, -0.01), (0.2, 0.01), (0.0, 0.05)])
+    segment = Segment(number=0, contour=affinity.rotate(wedge, angle, use_radians=True))
+    boxes = boxes_around([segment], 0.0, CONFIG)
+    assert len(boxes) == 4
+    shapes = [
+        shapely.Polygon(
+            X_WB[:2, 3] + 0.5 * edges[:2] * [[a, b] for a, b in CORNERS] @ X_WB[:2, :2].T
+        )
+        for edges, X_WB in boxes
+    ]
+    union = shapely.union_all(shapes).buffer(1e-9)
+    assert union.contains(segment.contour)
+    assert union.area < 0.7 * segment.box.area + 1e-6 < segment.box.area
+
+
 def test_a_known_height_is_that_of_the_box() -> None:
     segment = Segment(number=0, contour=shapely.box(0.0, 0.0, 0.1, 0.1), top=0.07)
-    ((edges, _),) = boxes_around([segment], 0.0, CONFIG)
-    assert edges[2] == pytest.approx(0.07)
+    for edges, X_WB in boxes_around([segment], 0.0, CONFIG):
+        assert_allclose([edges[2], X_WB[2, 3]], [0.07, 0.035])
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -79,7 +79,7 @@ def test_before_the_first_image_there_is_no_graph(
 def test_the_graph_is_that_of_the_image(planner: DeclutterPlanner, context: Context) -> None:
     seen = image(*random_scene(3), number=4)
     found = grasps_of(4, {2: 0.8, 5: 0.3})
-    tries = replace(NO_TRIES.with_failure(5, DeclutterAction.GRASP), number=4)
+    tries = replace(NO_TRIES.with_failure(5, DeclutterAction.GRASP, False), number=4)
     graph = tick(planner, context, segments=seen, grasps=found, tries=tries)
     expected = declutter_graph(seen, "wineglass", {2: 0.8, 5: 0.3}, tries, DeclutterConfig())
     assert graph.vertices == expected.vertices
@@ -88,7 +88,7 @@ def test_the_graph_is_that_of_the_image(planner: DeclutterPlanner, context: Cont
 
 def test_it_is_made_again_only_for_a_new_image(planner: DeclutterPlanner, context: Context) -> None:
     first = tick(planner, context, segments=scene())
-    tries = NO_TRIES.with_failure(1, DeclutterAction.PUSH).with_failure(1, DeclutterAction.PUSH)
+    tries = Tries(failed={(1, DeclutterAction.PUSH): 2})
     assert first.next == 1
     assert tick(planner, context, tries=replace(tries, number=1)) is first
     assert tick(planner, context, segments=scene(2)) is first  # What has failed is not known yet.
@@ -127,7 +127,7 @@ def test_objects_are_taken_away_until_all_tries_are_used_up(
         action = graph.vertex(graph.next).action
         assert action is not None
         done.append((graph.next, action))
-        tries = tries.with_failure(graph.next, action)
+        tries = tries.with_failure(graph.next, action, False)
     push = DeclutterAction.PUSH
     assert done == [(1, push), (1, push), (2, push), (2, push)]
     assert graph.why == NOTHING_LEFT

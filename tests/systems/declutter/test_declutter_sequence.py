@@ -16,11 +16,14 @@ from crossmodal.systems.declutter.declutter_graph import (
 )
 from crossmodal.systems.declutter.declutter_planner import DeclutterPlanner
 from crossmodal.systems.declutter.declutter_sequence import (
+    LEFT_ALONE,
     NO_VIEW_LEFT,
     TOO_MANY,
+    UNREACHABLE,
     DeclutterSequence,
     DeclutterSequenceConfig,
     displacement,
+    judge,
 )
 from crossmodal.systems.port_values import (
     NO_PRIOR,
@@ -119,7 +122,7 @@ class Robot:
         outcome = self.outcomes.pop(0) if self.outcomes else "done"
         moved = self.objects[request.object]
         if outcome == "done" and request.action is DeclutterAction.PUSH:
-            way = request.push.length * request.push.direction
+            way = request.pushes[0].length * request.pushes[0].direction
             self.objects[request.object] = replace(moved, contour=translate(moved.contour, *way))
         elif outcome == "done":
             way = request.places[0] - moved.centroid
@@ -242,6 +245,22 @@ def test_without_clearing_the_pose_is_sought_at_once() -> None:
     config = DeclutterSequenceConfig(clear=False)
     robot = Robot(row("wineglass", "can"), config=config).run()
     assert (robot.requests, robot.progress.found) == ([], True)
+    assert robot.progress.why == LEFT_ALONE
+
+
+def test_what_the_arm_cannot_begin_fails_without_the_camera_leaving() -> None:
+    robot = Robot(row("wineglass", "can"))
+    robot.look(robot.read("view_latest"))  # type: ignore[arg-type]
+    while not robot.read("action_request").number:  # type: ignore[attr-defined]
+        robot.tick()
+    robot.fix("action_end", SimpleNamespace(number=1, outcome=UNREACHABLE))
+    robot.tick()
+    view = robot.read("view_latest")
+    assert (view.number, view.home) == (2, False)  # type: ignore[attr-defined]
+    # Whatever the next image makes of it.
+    before, after = image(rectangle(1, "can", (0.5, 0.0))), image()
+    step = judge(robot.read("action_request"), UNREACHABLE, before, after, 0.02)  # type: ignore[arg-type]
+    assert (step.worked, step.displacement) == (False, np.inf)
 
 
 def test_a_target_that_is_hidden_is_looked_for_from_elsewhere() -> None:

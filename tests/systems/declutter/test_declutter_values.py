@@ -10,9 +10,9 @@ from numpy.testing import assert_allclose
 
 from crossmodal.systems.declutter.declutter_graph import DeclutterConfig, declutter_graph
 from crossmodal.systems.port_values import (
-    NO_PUSH,
     NO_TRIES,
     DeclutterAction,
+    Push,
     Segment,
     Tries,
 )
@@ -57,7 +57,9 @@ def test_values_are_not_written_and_not_copied() -> None:
 
 def test_failures_are_counted_by_object_and_action() -> None:
     grasp, push = DeclutterAction.GRASP, DeclutterAction.PUSH
-    tries = NO_TRIES.with_failure(3, grasp).with_failure(3, grasp).with_failure(4, push)
+    tries = NO_TRIES
+    for number, action, hindered in ((3, grasp, False), (3, grasp, True), (4, push, False)):
+        tries = tries.with_failure(number, action, hindered)
     assert [tries.count(3, grasp), tries.count(3, push), tries.count(4, push)] == [2, 0, 1]
     assert Tries() == NO_TRIES  # It has not been written.
 
@@ -71,5 +73,4 @@ def test_a_graph_without_this_object_names_those_that_it_has() -> None:
 
 
 def test_without_a_push_its_numbers_are_unknown() -> None:
-    assert NO_PUSH.why
-    assert np.isnan(NO_PUSH.point).all()
+    assert np.isnan(Push(why="none").point).all()

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from importlib.resources import files
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from crossmodal.systems.declutter.push import (
     PushConfig,
     away_from_clutter,
     finger_place,
-    plan_push,
+    plan_pushes,
     push_height,
     spares,
 )
@@ -23,6 +24,13 @@ from crossmodal.systems.port_values import Push, Segment
 from tests.systems.declutter.scenes import random_scene, rectangle, rotation
 
 CONFIG = PushConfig()
+
+
+def plan_push(*args: Any) -> Push:
+    """The best one."""
+    return plan_pushes(*args)[0]
+
+
 LEFT = np.array([[0.0, -1.0], [1.0, 0.0]])  # A quarter turn.
 
 
@@ -254,6 +262,21 @@ def test_a_plan_is_the_best_of_all(seed: int) -> None:
         assert_allclose(push.direction, expected.direction, atol=1e-12)
         offsets = [offset_of(found, segment) for found in (push, expected)]
         assert abs(offsets[0]) == pytest.approx(abs(offsets[1]))
+
+
+def test_all_pushes_spare_the_target_and_the_free_ones_come_first() -> None:
+    scene = list(random_scene(2, count=6, spread=0.07))
+    others = [other for other in scene if other is not scene[3]]
+    pushes = plan_pushes(scene[3], others, scene[0], CONFIG)
+    assert len(pushes) > 2
+    overlaps = [push.overlap for push in pushes]
+    assert overlaps == sorted(overlaps)
+    assert len({tuple(push.direction) for push in pushes}) == len(pushes)
+    for push in pushes:
+        assert spares(scene[3], scene[0], push.length * push.direction, CONFIG.clearance)
+        beside = translate(push.finger, *(push.reach * push.direction))
+        ahead = (shapely.get_coordinates(beside) - scene[3].centroid) @ push.direction
+        assert ahead.max() == pytest.approx(0.0, abs=1e-12)
 
 
 def test_plans_by_lot_are_straight_turned_crowded_and_refused() -> None:

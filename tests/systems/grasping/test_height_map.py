@@ -43,7 +43,17 @@ def test_others_are_beside_it_and_not_in_it() -> None:
     places = view.places(np.column_stack([columns, rows]))
     assert_allclose(0.5 * (places.min(axis=0) + places.max(axis=0)), BESIDE.middle, atol=0.002)
     assert_allclose(view.others[rows, columns], BESIDE.size[2], atol=1e-6)
-    assert view.surroundings.max() == pytest.approx(BOX.size[2])
+
+
+def test_glass_beside_it_is_as_high_as_it_can_be() -> None:
+    X_WC = above(0.7)
+    depth, labels = image_of([BOX, BESIDE], X_WC)
+    depth[labels == 1] = np.nan
+    points = seen_points(depth, labels, CAMERA, X_WC, 0.0, {1: 0.2})
+    others = height_map(points, 0).others
+    assert_allclose(others[others > 0.01], 0.2)
+    own = height_map(points, 1).heights
+    assert_allclose(own[own > 0.0], 0.06)
 
 
 def test_a_rim_that_its_mask_leaves_out_is_no_obstacle() -> None:

@@ -39,9 +39,9 @@ class RedIsCan:
 class Rig:
     """A segmenter and what it is given."""
 
-    def __init__(self) -> None:
+    def __init__(self, **glass: float) -> None:
         network: Any = RedIsCan()
-        self.system = Segmenter(network, CAMERA, TABLE, REGION, SegmenterConfig(), 0.1)
+        self.system = Segmenter(network, CAMERA, TABLE, REGION, glass, SegmenterConfig(), 0.1)
         self.context: Context = self.system.CreateDefaultContext()
 
     def look(
@@ -89,6 +89,16 @@ def test_an_object_is_where_its_rays_meet_its_height(rig: Rig) -> None:
     assert_allclose(can.centroid, [0.5 - 0.53 / 288, 0.53 / 288], atol=1e-3)
     assert_allclose(can.contour.area, (30 * 0.53 / 288) ** 2, rtol=0.05)
     assert_allclose(can.top, 0.07, atol=1e-6)
+
+
+def test_glass_is_as_high_as_it_can_be_whatever_depth_says() -> None:
+    rig = Rig(can=0.2)
+    (can,) = rig.look(1, [(104, 144)]).segments
+    assert can.top == 0.2
+    # It is outlined at half of that.
+    assert_allclose(can.centroid, [0.5 - 0.5 / 288, 0.5 / 288], atol=1e-3)
+    assert_allclose(can.contour.area, (30 * 0.5 / 288) ** 2, rtol=0.05)
+    assert rig.masks().glass == {0: 0.2}
 
 
 def test_masks_say_which_pixels_show_which_object(rig: Rig) -> None:
@@ -150,4 +160,4 @@ def test_ports_are_those_documented(rig: Rig) -> None:
 def test_impossible_values_are_refused() -> None:
     network: Any = RedIsCan()
     with pytest.raises(ValueError, match="reach"):
-        Segmenter(network, CAMERA, TABLE, REGION, SegmenterConfig(reach=-1.0), 0.1)
+        Segmenter(network, CAMERA, TABLE, REGION, {}, SegmenterConfig(reach=-1.0), 0.1)

@@ -76,6 +76,9 @@ APPLICATION = Application(
             scenario="clutter",
             description="robots clear the way to an object in dense clutter, then look and touch",
         ),
+        "declutter": Experiment(
+            scenario="declutter", description="the same without looking and touching afterwards"
+        ),
         "pose": Experiment(
             scenario="pose", description="robots: three views, then seven touches, all chosen"
         ),

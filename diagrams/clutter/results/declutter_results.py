@@ -11,6 +11,7 @@ from crossmodal.diagrams.clutter.results.graph_picture import graph_picture
 from crossmodal.diagrams.clutter.scenario import object_names
 from crossmodal.diagrams.run.experiment import Metric
 from crossmodal.diagrams.run.record import EpisodeRecord
+from crossmodal.systems.declutter.declutter_sequence import LEFT_ALONE, UNREACHABLE
 from crossmodal.systems.port_values import (
     NO_PROGRESS,
     DeclutterAction,
@@ -36,9 +37,10 @@ _DONE = {DeclutterAction.GRASP: "placed", DeclutterAction.PUSH: "pushed"}
 def declutter_summary(record: EpisodeRecord) -> dict[str, Any]:
     """What `summary.json` says of it, SI: the objects, the actions in order, why it ended.
 
-    An action worked if its object is not where it was any more, and all went well.
-    `target_moved` is how far the target was truly moved by all actions, `target_noticed` whether
-    an image showed that it was.
+    An action worked if its object is not where it was any more, and all went well. `in_the_way` is
+    how many objects hung together with the target in the first image that showed it, `is_free`
+    whether none does at the end. `target_moved` is how far the target was truly moved by all
+    actions, `target_noticed` whether an image showed that it was.
     """
     progress = _progress(record)
     targets = {graph.vertices[0].segment.number for graph in _graphs(record) if graph.vertices}
@@ -47,11 +49,21 @@ def declutter_summary(record: EpisodeRecord) -> dict[str, Any]:
         "objects": object_names(record.scenario),
         "density": asdict(density[0]) if density else None,
         "actions": [_action(progress, k) for k in range(len(progress.steps))],
+        "in_the_way": next((len(g.vertices) - 1 for g in _graphs(record) if g.vertices), None),
         "target_found": progress.found,
+        "is_free": progress.done and not progress.why,
         "ended": progress.why or ("the target is free" if progress.done else "not yet"),
         "target_moved": _target_moved(record),
         "target_noticed": any(targets & set(step.others) for step in progress.steps),
     }
+
+
+def clearing_failure(record: EpisodeRecord) -> str | None:
+    """Why something is still in the way; None where nothing is, or nothing was to be taken away."""
+    progress = _progress(record)
+    if not progress.done:
+        return "the time was over while something was in the way"
+    return progress.why if progress.why not in ("", LEFT_ALONE) else None
 
 
 def cleared_at(record: EpisodeRecord) -> int:
@@ -140,14 +152,14 @@ def declutter_metrics() -> list[Metric]:
 
     def share(kind: DeclutterAction) -> Callable[[Mapping[str, Any]], float | None]:
         def value(summary: Mapping[str, Any]) -> float | None:
-            done = [a["success"] for a in summary["clutter"]["actions"] if a["kind"] == kind]
+            done = [a["success"] for a in _begun(summary) if a["kind"] == kind]
             return float(np.mean(done)) if done else None
 
         return value
 
     def actions_per_object(summary: Mapping[str, Any]) -> float | None:
-        numbers = [action["number"] for action in summary["clutter"]["actions"]]
-        return len(numbers) / len(set(numbers)) if numbers else None
+        count = summary["clutter"]["in_the_way"]
+        return len(_begun(summary)) / count if count else None
 
     def unnoticed(summary: Mapping[str, Any]) -> bool:
         clutter = summary["clutter"]
@@ -167,7 +179,21 @@ def declutter_metrics() -> list[Metric]:
             name="actions_per_object",
             value=actions_per_object,
             by_estimator=False,
-            title="actions for each object that was taken away",
+            title="actions for each object that was in the way",
+            cell=mean_and_deviation,
+        ),
+        Metric(
+            name="is_free",
+            value=lambda summary: summary["clutter"]["is_free"],
+            by_estimator=False,
+            title="nothing in the way any more",
+            cell=mean_share,
+        ),
+        Metric(
+            name="hidden_above",
+            value=lambda summary: (summary["clutter"]["density"] or {}).get("hidden_above"),
+            by_estimator=False,
+            title="share of the target that was hidden from above",
             cell=mean_and_deviation,
         ),
         Metric(
@@ -178,6 +204,11 @@ def declutter_metrics() -> list[Metric]:
             cell=mean_share,
         ),
     ]
+
+
+def _begun(summary: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """The actions for which the arm has moved."""
+    return [a for a in summary["clutter"]["actions"] if a["outcome"] != UNREACHABLE]
 
 
 def declutter_report(clutter: Mapping[str, Any]) -> list[str]:

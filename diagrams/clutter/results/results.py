@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from crossmodal.diagrams.clutter.estimators import load_model
 from crossmodal.diagrams.clutter.results.declutter_results import (
     cleared_at,
+    clearing_failure,
     declutter_report,
     declutter_summary,
     step_pictures,
@@ -183,7 +184,10 @@ def evaluate(record: EpisodeRecord) -> Results:
 
 
 def _task_failure(record: EpisodeRecord, stages: Sequence[Mapping[str, Any]]) -> str | None:
-    """Why not all touches were made that were wanted, or none met the object; None otherwise."""
+    """Why not all touches were made that were wanted, or none met the object; None otherwise.
+
+    Where there is only something to be cleared away, why that was not done.
+    """
     touches = record.scenario.touches
     wanted = touches.random_touches + touches.chosen_touches
     made = [stage["outcome"] for stage in stages if stage["stage"] == "touch"]
@@ -193,6 +197,8 @@ def _task_failure(record: EpisodeRecord, stages: Sequence[Mapping[str, Any]]) ->
         return f"{len(made)} of {wanted} touches were made: {why or 'the time was over'}"
     if made and "contact" not in made:
         return f"none of {len(made)} touches met the object"
+    if record.scenario.clutter.count and not wanted and not record.scenario.views.count:
+        return clearing_failure(record)
     return None
 
 

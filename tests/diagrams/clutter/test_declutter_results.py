@@ -1,0 +1,171 @@
+"""What clearing the way comes to, from a record that is made up."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from pydrake.math import RigidTransform
+
+from crossmodal.diagrams.applications import load_scenario
+from crossmodal.diagrams.clutter.results.declutter_results import (
+    clearing_failure,
+    declutter_metrics,
+    declutter_report,
+    declutter_summary,
+    step_pictures,
+)
+from crossmodal.diagrams.run.calibration import Calibration
+from crossmodal.diagrams.run.record import EpisodeRecord, Tick
+from crossmodal.plants.goods.clutter_density import NO_DENSITY
+from crossmodal.systems.declutter.declutter_graph import (
+    NOTHING_LEFT,
+    TARGET_FREE,
+    DeclutterConfig,
+    declutter_graph,
+)
+from crossmodal.systems.declutter.declutter_sequence import LEFT_ALONE, UNREACHABLE
+from crossmodal.systems.port_values import (
+    NO_GRAPH,
+    NO_MASKS,
+    NO_PROGRESS,
+    NO_TRIES,
+    DeclutterAction,
+    DeclutterProgress,
+    DeclutterStep,
+)
+from tests.systems.declutter.scenes import image, rectangle
+
+GRASP, PUSH = DeclutterAction.GRASP, DeclutterAction.PUSH
+STEPS = (
+    DeclutterStep(
+        object=1, name="can", action=GRASP, outcome=UNREACHABLE, displacement=0.001, worked=False
+    ),
+    DeclutterStep(
+        object=1, name="can", action=GRASP, outcome="slipped", displacement=0.004, worked=False
+    ),
+    DeclutterStep(
+        object=1, name="can", action=GRASP, outcome="placed", displacement=0.3, worked=True
+    ),
+    DeclutterStep(
+        object=2,
+        name="",
+        action=PUSH,
+        outcome="pushed",
+        displacement=np.inf,
+        worked=True,
+        others=(0,),
+    ),
+)
+
+
+def made(progress: DeclutterProgress) -> EpisodeRecord:
+    """An episode of four actions, in which the target is moved by 3 cm."""
+    _, scenario = load_scenario("declutter", ["target.object=wineglass", "clutter.count=2"])
+    target, can, other = (
+        rectangle(0, "wineglass", (0.5, 0.0)),
+        rectangle(1, "can", (0.55, 0.0)),
+        rectangle(2, "", (0.45, 0.0)),
+    )
+    scenes = [(target, can, other)] * 3 + [(target, other), (target,)]
+    graphs = [NO_GRAPH]
+    for number, scene in enumerate(scenes, start=1):
+        shown = image(*scene, number=number)
+        graphs.append(declutter_graph(shown, "wineglass", {1: 0.9}, NO_TRIES, DeclutterConfig()))
+    station = []
+    for k, graph in enumerate(graphs):
+        done = replace(progress, done=False, why="") if k + 1 < len(graphs) else progress
+        steps = progress.steps[: max(k - 1, 0)]
+        values = {
+            "declutter_graph": graph,
+            "declutter_progress": replace(done, steps=steps) if k else NO_PROGRESS,
+            "object_masks": NO_MASKS,
+            "cheat_clutter_density": replace(NO_DENSITY, hidden_above=0.4),
+            "cheat_object_pose": RigidTransform([0.5 + 0.03 * (k > 3), 0.0, 0.1]),
+        }
+        station.append(Tick(time=10.0 * k, values=values))
+    return EpisodeRecord(
+        scenario=scenario,
+        calibration=Calibration(),
+        station=station,
+        estimators={},
+        duration=60.0,
+        wall_time=1.0,
+    )
+
+
+@pytest.fixture
+def record() -> EpisodeRecord:
+    return made(DeclutterProgress(steps=STEPS, done=True, found=True))
+
+
+def test_actions_are_counted_by_object_and_kind(record: EpisodeRecord) -> None:
+    found = declutter_summary(record)
+    assert [(a["object"], a["kind"], a["tries"], a["success"]) for a in found["actions"]] == [
+        ("can", "grasp", 1, False),
+        ("can", "grasp", 2, False),
+        ("can", "grasp", 3, True),
+        ("unknown", "push", 1, True),
+    ]
+    assert found["actions"][3]["displacement"] is None
+    assert (found["in_the_way"], found["is_free"]) == (2, True)
+    assert found["ended"] == f"the {TARGET_FREE}"
+
+
+def test_a_target_that_was_moved_and_seen_to_be_is_noticed(record: EpisodeRecord) -> None:
+    found = declutter_summary(record)
+    assert found["target_moved"] == pytest.approx(0.03)
+    assert found["target_noticed"]
+    unseen = tuple(replace(step, others=()) for step in STEPS)
+    found = declutter_summary(made(DeclutterProgress(steps=unseen, done=True, found=True)))
+    assert not found["target_noticed"]
+
+
+def test_metrics_count_what_was_begun(record: EpisodeRecord) -> None:
+    summary = {"clutter": declutter_summary(record)}
+    values = {metric.name: metric.value(summary) for metric in declutter_metrics()}
+    assert values == {
+        "grasp_success": 0.5,
+        "push_success": 1.0,
+        "actions_per_object": 1.5,
+        "is_free": True,
+        "hidden_above": 0.4,
+        "moved_unnoticed": False,
+    }
+
+
+@pytest.mark.parametrize(
+    ("progress", "failure"),
+    [
+        (DeclutterProgress(done=True, found=True), None),
+        (DeclutterProgress(done=True, found=True, why=LEFT_ALONE), None),
+        (DeclutterProgress(done=True, found=True, why=NOTHING_LEFT), NOTHING_LEFT),
+        (NO_PROGRESS, "the time was over while something was in the way"),
+    ],
+)
+def test_what_is_still_in_the_way_is_a_failure(
+    progress: DeclutterProgress, failure: str | None
+) -> None:
+    record = made(progress)
+    assert clearing_failure(record) == failure
+    assert declutter_summary(record)["is_free"] == (progress.done and not progress.why)
+
+
+def test_each_image_has_its_picture_and_words(record: EpisodeRecord) -> None:
+    pictures = step_pictures(record)
+    assert [*pictures] == [f"step-{k:02d}.png" for k in range(1, 6)]
+    titles = []
+    for draw in pictures.values():
+        figure = draw()
+        assert isinstance(figure, Figure)
+        titles.append(figure.get_suptitle())
+    assert titles[0] == "grasp of 1 can: unreachable; went 0 cm"
+    assert titles[3] == "push of 2 : pushed; is not seen any more, moved 0, too"
+    assert titles[4] == TARGET_FREE
+
+
+def test_a_person_reads_what_was_done(record: EpisodeRecord) -> None:
+    lines = declutter_report(declutter_summary(record))
+    assert lines[0] == "2 objects around the target:"
+    assert lines[3] == "  grasp of the can: placed (done)"
+    assert lines[-1] == f"  the {TARGET_FREE}"

@@ -330,9 +330,9 @@ class MoveObject(ArmTask):
         ahead = float(np.sign(state.plan.X_WE[:2, 0] @ push.direction))
         face = self._faces[0 if ahead > 0.0 else 1]
         forces = state.tare.forces(np.asarray(self._taxels.Eval(context)))
-        shortest, longest = (
+        shortest, impact, longest = (
             max(round(span / config.period), 1)
-            for span in (config.averaged, config.pushed_averaged)
+            for span in (config.averaged, config.impact, config.pushed_averaged)
         )
         readings = np.append(state.readings, -ahead * forces[face, 0].sum())[-longest:]
         noise = state.tare.noise * np.sqrt(face.sum())
@@ -350,7 +350,7 @@ class MoveObject(ArmTask):
         )
         pushed = 0.0 if np.isnan(touched) else gone - touched
         outcome = ActionOutcome.NONE
-        if readings[-shortest:].mean() > config.largest_push:  # An impact is shorter.
+        if len(readings) >= impact and readings[-impact:].min() > config.largest_push:
             outcome = ActionOutcome.BLOCKED
         elif np.isnan(touched):
             if gone >= push.reach:

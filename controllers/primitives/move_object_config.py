@@ -53,8 +53,10 @@ class MoveObjectConfig:
     # Of the fingers' end above the table while it pushes: its taxels are then 18 mm above it and
     # higher, and the table may be 2 mm higher than believed.
     push_height: float = number(0.012, above=0.0, at_most=0.5, unit="m")
-    # Force at which a push stops, as something is in its way.
+    # Force at which a push stops, as something is in its way, if it lasts for so long: light things
+    # bounce. Two samples at 40 Hz.
     largest_push: float = number(8.0, above=0.0, at_most=100.0, unit="N")
+    impact: float = number(0.05, at_least=0.0, at_most=1.0, unit="s")
     # Least distance of the gripper from what stands around while it comes down between objects.
     near: float = number(0.002, at_least=0.0, at_most=0.1, unit="m")
     # Of the force on a taxel at the fingers' ends on the way down, beyond which it is blocked.

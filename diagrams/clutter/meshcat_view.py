@@ -26,6 +26,7 @@ from pydrake.systems.framework import (
 )
 
 from crossmodal.diagrams.clutter.estimator_names import COLORS, LABELS
+from crossmodal.diagrams.clutter.meshcat_graph import GRAPH_LEGEND, GraphLayer
 from crossmodal.diagrams.clutter.robot_config import OBJECT
 from crossmodal.diagrams.clutter.scenario import Scenario, target_mesh, target_name
 from crossmodal.diagrams.drawing import palette
@@ -50,6 +51,7 @@ from crossmodal.maths.gaussian import chi_square_gate
 from crossmodal.systems.active.occupancy_grid import OccupancyGrid
 from crossmodal.systems.active.view_planner import NO_GRID
 from crossmodal.systems.port_values import (
+    NO_GRAPH,
     NO_MEASUREMENT,
     NO_TOUCH,
     NO_VIEW,
@@ -77,8 +79,9 @@ _FRUSTUM, _CHOSEN_FRUSTUM = 0.018, 0.06  # Lengths of a camera, [m].
 _ARROW = 0.02  # Length of a candidate touch, [m].
 
 
-def _legend(shown: str) -> list[Entry]:
+def _legend(shown: str, clears: bool) -> list[Entry]:
     return [
+        *(GRAPH_LEGEND if clears else []),
         ("dot", _CLOUD, "point that a view has measured"),
         ("dot", _CONTACT, "contact that a touch has felt"),
         ("bar", palette.QUIET, "the simulated object"),
@@ -107,9 +110,12 @@ def add_view(
             target_name(scenario),
             _read(target_mesh(scenario), scenario.target.scale),
             _object_meshes(scene_graph),
+            clears=scenario.clutter.count > 0,
         ),
     )
-    for port in ("pose_measurement", "view_latest", "touch_latest", "grid_latest", STATUS_PORT):
+    clearing = ["declutter_graph"] if scenario.clutter.count else []
+    ports = ["pose_measurement", "view_latest", "touch_latest", "grid_latest", STATUS_PORT]
+    for port in [*ports, *clearing]:
         builder.Connect(station.GetOutputPort(port), view.GetInputPort(port))
     connect_latest(builder, estimators, view)
 
@@ -147,6 +153,7 @@ class MeshcatView(LeafSystem):
     - `touch_latest`: `TouchRequest`.
     - `grid_latest`: `OccupancyGrid`.
     - `task_status`: `TaskStatus`.
+    - `declutter_graph`: `DeclutterGraph`, if something is cleared away.
     - `<estimator>_object_pose_latest`: `ObjectPose`.
 
     Frames: W world, O the object's mesh, M its middle, C camera, A an approach (z along it).
@@ -157,6 +164,7 @@ class MeshcatView(LeafSystem):
         mesh: Its vertices (V, 3) in O, [m], and triangles (T, 3).
         bodies: Meshes by path, which take the place of what the scene shows there, so that one can
             look into them.
+        clears: Whether things are cleared away before.
     """
 
     def __init__(
@@ -166,6 +174,7 @@ class MeshcatView(LeafSystem):
         target: str,
         mesh: tuple[Array, Ids],
         bodies: Mapping[str, tuple[Array, Ids]] | None = None,
+        clears: bool = False,
     ) -> None:
         super().__init__()
         self._meshcat = meshcat
@@ -176,6 +185,7 @@ class MeshcatView(LeafSystem):
             "touch_latest": NO_TOUCH,
             "grid_latest": NO_GRID,
             STATUS_PORT: TaskStatus(),
+            **({"declutter_graph": NO_GRAPH} if clears else {}),
         }
         self._ports = {name: declare_input(self, name, model) for name, model in models.items()}
         self._beliefs = {
@@ -189,10 +199,11 @@ class MeshcatView(LeafSystem):
         shown = next(iter(estimators), "")
         for name in estimators:
             meshcat.SetProperty(f"{ROOT}/{name}", "visible", name == shown)
-        show_legend(meshcat, legend_title(shown, LABELS), _legend(shown))
+        show_legend(meshcat, legend_title(shown, LABELS), _legend(shown, clears))
         self._measured = _Measured(meshcat, f"{ROOT}/measured")
         self._views = _Views(meshcat, f"{ROOT}/views")
         self._touches = _Touches(meshcat, f"{ROOT}/touches")
+        self._graph = GraphLayer(meshcat, f"{ROOT}/graph")
         self._texts = _Texts(meshcat, f"{ROOT}/text", target)
         self._bodies = dict(bodies or {})
         self.DeclarePeriodicPublishEvent(_PERIOD, 0.0, self._draw)
@@ -214,6 +225,7 @@ class MeshcatView(LeafSystem):
         for name, belief in beliefs.items():
             self._layers[name].draw(time, belief)
         first = next(iter(beliefs.values()), UNKNOWN_POSE)
+        self._graph.draw(time, values.get("declutter_graph", NO_GRAPH), over=first.known)
         status = values.get(STATUS_PORT, TaskStatus())
         self._texts.draw(time, status, self._measured, first)
 

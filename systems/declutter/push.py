@@ -159,10 +159,10 @@ def plan_pushes(
 ) -> tuple[Push, ...]:
     """The pushes of an object that spare the target, the best one first; or one that says why not.
 
-    There is one in each direction at most, from that away from the clutter outwards, to the left
-    first. Those whose finger stands where no other object is come first, then the others by how
-    much it overlaps with them. Among the places of the finger, the one of least overlap is taken,
-    then the one nearest to the line through the centroid.
+    There is one in each direction whose finger stands where no other object is, from that away from
+    the clutter outwards, to the left first; where there is none, the one whose finger overlaps the
+    others least. Among the places of the finger, the one of least overlap is taken, then the one
+    nearest to the line through the centroid.
 
     Args:
         segment: To be pushed.
@@ -186,7 +186,8 @@ def plan_pushes(
             found.append(min(pushes, key=lambda push: push.overlap))
     if not found:
         return (Push(why=f"every push {' or '.join(sorted(failures))}"),)
-    return tuple(sorted(found, key=lambda push: push.overlap))
+    free = tuple(push for push in found if push.overlap == 0.0)
+    return free or (min(found, key=lambda push: push.overlap),)
 
 
 def _both_sides(end: float, step: float) -> Array:

@@ -11,12 +11,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 
+from crossmodal.diagrams.clutter.action_colors import COLORS, TARGET
 from crossmodal.diagrams.drawing.palette import QUIET, TRUTH
 from crossmodal.diagrams.drawing.plot_style import STYLE, new_figure
 from crossmodal.systems.port_values import DeclutterAction, DeclutterGraph
-
-TARGET = "#AA3377"
-COLORS = {DeclutterAction.GRASP: "#228833", DeclutterAction.PUSH: "#EE7733", None: QUIET}
 
 
 def graph_picture(graph: DeclutterGraph, image: npt.NDArray[np.uint8] | None = None) -> Figure:

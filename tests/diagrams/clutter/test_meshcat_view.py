@@ -15,13 +15,16 @@ from crossmodal.diagrams.clutter.meshcat_view import MeshcatView, describe_belie
 from crossmodal.diagrams.drawing.meshcat import start_meshcat
 from crossmodal.diagrams.run.record import TaskStatus
 from crossmodal.systems.active.occupancy_grid import OccupancyGrid
+from crossmodal.systems.declutter.declutter_graph import DeclutterConfig, declutter_graph
 from crossmodal.systems.port_values import (
+    NO_TRIES,
     UNKNOWN_POSE,
     ObjectPose,
     PoseMeasurement,
     TouchRequest,
     ViewRequest,
 )
+from tests.systems.declutter.scenes import image, rectangle
 
 BOX = trimesh.creation.box(extents=[0.06, 0.1, 0.2])
 MIDDLE = np.array([0.0, 0.0, 0.1])
@@ -30,9 +33,9 @@ MIDDLE = np.array([0.0, 0.0, 0.1])
 class Shown:
     """A view whose ports are given by hand, tick by tick."""
 
-    def __init__(self, meshcat: Meshcat | Mock) -> None:
+    def __init__(self, meshcat: Meshcat | Mock, clears: bool = False) -> None:
         mesh = (np.asarray(BOX.vertices) + MIDDLE, np.asarray(BOX.faces))
-        self.view = MeshcatView(meshcat, ["density", "quaternion"], "box", mesh)
+        self.view = MeshcatView(meshcat, ["density", "quaternion"], "box", mesh, None, clears)
         self.simulator = Simulator(self.view)
         self.time = -0.05
 
@@ -171,6 +174,25 @@ def test_what_is_over_vanishes() -> None:
     shown.tick(touch_latest=TouchRequest(number=1, done=True, why="all touches are done"))
     for path in ("touches/candidates/1", "touches/chosen"):
         assert calls(meshcat, "SetProperty", path)[-1][1:3] == ("visible", False)
+
+
+def test_the_graph_stands_above_its_objects_until_a_pose_is_believed() -> None:
+    meshcat = Mock()
+    shown = Shown(meshcat, clears=True)
+    scene = image(
+        *(rectangle(k, name, (0.5, 0.06 * k)) for k, name in enumerate(("box", "can", "sponge")))
+    )
+    graph = declutter_graph(scene, "box", {}, NO_TRIES, DeclutterConfig())
+    shown.tick(declutter_graph=graph)
+    balls = [call for call in calls(meshcat, "SetTransform", "graph/1") if "ball" in call[0]]
+    assert_allclose([call[1].translation()[1] for call in balls], [0.0, 0.06, 0.12])
+    drawn = calls(meshcat, "SetObject", "graph/1")
+    radii = {call[0].split("/")[-2]: call[1].radius() for call in drawn if "ball" in call[0]}
+    assert max(radii, key=lambda number: radii[number]) == str(graph.next)
+    edges = [call for call in drawn if "edge" in call[0]]
+    assert [call[1].length() for call in edges] == pytest.approx([0.06, 0.06])
+    shown.tick(density_object_pose_latest=belief(0))
+    assert calls(meshcat, "SetProperty", "graph/1")[-1][1:3] == ("visible", False)
 
 
 def test_the_text_says_what_is_reported() -> None:

@@ -264,13 +264,12 @@ def test_a_plan_is_the_best_of_all(seed: int) -> None:
         assert abs(offsets[0]) == pytest.approx(abs(offsets[1]))
 
 
-def test_all_pushes_spare_the_target_and_the_free_ones_come_first() -> None:
-    scene = list(random_scene(2, count=6, spread=0.07))
+def test_all_pushes_spare_the_target_and_stand_where_it_is_free() -> None:
+    scene = list(random_scene(2, count=6, spread=0.15))
     others = [other for other in scene if other is not scene[3]]
     pushes = plan_pushes(scene[3], others, scene[0], CONFIG)
     assert len(pushes) > 2
-    overlaps = [push.overlap for push in pushes]
-    assert overlaps == sorted(overlaps)
+    assert not any(push.overlap for push in pushes)
     assert len({tuple(push.direction) for push in pushes}) == len(pushes)
     for push in pushes:
         assert spares(scene[3], scene[0], push.length * push.direction, CONFIG.clearance)

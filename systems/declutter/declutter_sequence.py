@@ -58,6 +58,9 @@ class DeclutterSequenceConfig:
     # An object has been moved if it has gone as far; outlines of two images of one that rests
     # differ by less.
     moved: float = number(0.02, above=0.0, at_most=1.0, unit="m")
+    # Share of an object's outline that may be covered by others when it is taken away: else it is
+    # looked at from elsewhere before, so far as there are places.
+    covered: float = number(0.25, at_least=0.0, at_most=1.0)
     around: AroundConfig = field(default_factory=AroundConfig)
 
 
@@ -78,6 +81,9 @@ class SequenceState(Immutable):
         view: That is wanted.
         place: Index of the place from which the table is looked at.
         looks: How often it was looked at.
+        unseen: From how many places in a row the target was not seen.
+        sides: From how many it was looked since the last action, because what is to be taken away
+            was covered.
         request: The last action.
         outcome: What the arm said of it; empty once it is judged.
         scene: The last image that was judged.
@@ -92,6 +98,8 @@ class SequenceState(Immutable):
     view: ViewRequest = NO_VIEW
     place: int = 0
     looks: int = 0
+    unseen: int = 0
+    sides: int = 0
     request: ActionRequest = NO_ACTION
     outcome: str = ""
     scene: Segments = NO_SEGMENTS
@@ -249,10 +257,13 @@ class DeclutterSequence(RecursiveFilter):
         return replace(state, phase=DeclutterPhase.LOOK, looks=number, view=view)
 
     def _look_elsewhere(self, state: SequenceState, why: str) -> SequenceState:
-        """Looks from the next place; without one, that is the end."""
-        if state.place + 1 == len(self._places):
+        """Looks from the next place; where none has shown the target, that is the end."""
+        if state.unseen + 1 == len(self._places):
             return self._ended(state, why, None)
-        return self._look(replace(state, place=state.place + 1))
+        return self._look_from_next(replace(state, unseen=state.unseen + 1))
+
+    def _look_from_next(self, state: SequenceState) -> SequenceState:
+        return self._look(replace(state, place=(state.place + 1) % len(self._places)))
 
     def _judged(self, state: SequenceState, scene: Segments) -> SequenceState:
         """With what the last action, if there was one, has done."""
@@ -274,6 +285,7 @@ class DeclutterSequence(RecursiveFilter):
         target = state.scene.largest(self._target)
         if target is None:
             return self._look_elsewhere(state, NO_TARGET)
+        state = replace(state, unseen=0)
         if not self._config.clear:
             return self._ended(state, LEFT_ALONE, target)
         if graph.next < 0:
@@ -281,6 +293,8 @@ class DeclutterSequence(RecursiveFilter):
         if len(state.progress.steps) >= self._config.actions:
             return self._ended(state, TOO_MANY, target)
         vertex = graph.vertex(graph.next)
+        if vertex.segment.covered > self._config.covered and state.sides + 1 < len(self._places):
+            return self._look_from_next(replace(state, sides=state.sides + 1))
         others = [s for s in state.scene.segments if s.number != graph.next]
         grasps: Grasps = self._read(self._grasps, context)
         found = grasps.grasps.get(graph.next, ())
@@ -297,7 +311,7 @@ class DeclutterSequence(RecursiveFilter):
             top=vertex.segment.top,
             obstacles=boxes_around(others, self._height, self._config.around),
         )
-        return replace(state, phase=DeclutterPhase.CLEAR, request=request)
+        return replace(state, phase=DeclutterPhase.CLEAR, request=request, sides=0)
 
     def _ended(self, state: SequenceState, why: str, target: Segment | None) -> SequenceState:
         """Lets the pose be sought, if the target was seen."""

@@ -186,6 +186,24 @@ def _single_objects(mask: Mask, scene: _Scene, step: float) -> list[Mask]:
     return [one for one in objects if np.count_nonzero(one) >= scene.least]
 
 
+def covered_share(mask: Mask, others: Mask, depth: Array, step: float) -> float:
+    """Share of an object's outline along which another object is before it, 0 to 1.
+
+    Args:
+        mask: Of the object (H, W), not empty.
+        others: Pixels of all others (H, W) whose depth is theirs.
+        depth: (H, W), [m]; zero, NaN or infinite where nothing was measured.
+        step: By which another object is before it at least, [m].
+    """
+    u, v, width, height = cv2.boundingRect(mask.astype(np.uint8))
+    window = np.s_[max(v - 1, 0) : v + height + 1, max(u - 1, 0) : u + width + 1]
+    inside = mask[window]
+    rim = cv2.dilate(inside.astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool) & ~inside
+    filled = _filled(depth[window])
+    own = filled.ravel()[_nearest(inside)]
+    return float((others[window] & (filled < own - step))[rim].mean()) if rim.any() else 0.0
+
+
 def _hidden_between(one: Mask, other: Mask, things: Mask, depth: npt.NDArray[np.float32]) -> bool:
     """Whether all that is between two masks, where they are nearest, is another thing before both.
 

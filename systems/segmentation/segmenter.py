@@ -30,8 +30,11 @@ from crossmodal.systems.segmentation.objects import (
     ObjectsConfig,
     SeenObject,
     class_probabilities,
+    covered_share,
     seen_objects,
 )
+
+_BEFORE = 0.01  # Of two objects side by side, one that is nearer by more is before the other, [m].
 
 
 @dataclass(kw_only=True)
@@ -105,6 +108,10 @@ def segments_in(
         glass: Greatest heights of the classes that a depth camera looks through, [m].
     """
     kept: list[tuple[Segment, Mask]] = []
+    solid = np.zeros(view.masked.shape, bool)
+    for one in found:
+        if one.name not in glass:
+            solid |= one.mask
     for one in found:
         highest = glass.get(one.name)
         try:
@@ -114,12 +121,15 @@ def segments_in(
                 one.mask,
                 view.intrinsics,
                 view.X_WC,
-                view.table + (0.5 * (highest or 0.0)),
+                view.table + 0.5 * (highest or 0.0),
                 None if highest else view.depth,
             )
         except ValueError:
             continue
-        segment = replace(segment, top=highest or segment.top)
+        covered = 0.0
+        if not highest:
+            covered = covered_share(one.mask, solid & ~one.mask, view.depth, _BEFORE)
+        segment = replace(segment, top=highest or segment.top, covered=covered)
         if region.contains(segment.contour.centroid):
             kept.append((segment, one.mask))
     return tuple(segment for segment, _ in kept), [mask for _, mask in kept]

@@ -270,6 +270,23 @@ def test_a_target_that_is_hidden_is_looked_for_from_elsewhere() -> None:
     assert robot.progress.found
 
 
+def test_what_is_covered_is_looked_at_from_elsewhere_before_it_is_moved() -> None:
+    objects = row("wineglass", "can")
+    objects[1] = replace(objects[1], covered=0.5)
+    robot = Robot(objects).run()
+    # From both places before the action, and from where it is after it.
+    assert [np.array_equal(view.X_WC, PLACES[0]) for view in robot.views] == [True, False, False]
+    assert len(robot.requests) == 1
+
+
+def test_a_target_that_another_place_shows_is_not_lost_by_looking_from_the_side() -> None:
+    objects = row("wineglass", "can")
+    objects[1] = replace(objects[1], covered=0.5)
+    robot = Robot(objects, hidden={1: (0,)}).run()
+    assert [r.object for r in robot.requests] == [1]
+    assert robot.progress.found
+
+
 def test_without_a_target_in_any_view_it_ends_and_says_so() -> None:
     robot = Robot(row("can", "sponge")).run()
     assert (robot.progress.found, robot.progress.why) == (False, NO_TARGET)

@@ -1,8 +1,14 @@
 import numpy as np
+import pytest
 from numpy.testing import assert_array_equal
 
 from crossmodal.systems.segmentation.network_input import CLASSES
-from crossmodal.systems.segmentation.objects import ObjectsConfig, SeenObject, seen_objects
+from crossmodal.systems.segmentation.objects import (
+    ObjectsConfig,
+    SeenObject,
+    covered_share,
+    seen_objects,
+)
 
 CAMERA_HEIGHT = 0.6  # Above the table; it looks straight down.
 CAN, SPONGE, GLASS, OTHER = (
@@ -117,3 +123,15 @@ def test_without_any_depth_classes_are_still_objects() -> None:
     scene = Scene().add(CAN, np.s_[20:60], np.s_[20:60], 0.1)
     scene.heights[:] = np.nan
     assert names(scene.objects()) == ["can"]
+
+
+def test_an_outline_is_covered_where_another_object_is_before_it() -> None:
+    scene = Scene().add(SPONGE, np.s_[50:90], np.s_[50:90], 0.03)
+    scene.add(CAN, np.s_[60:80], np.s_[90:120], 0.1)  # Beside half of one of four sides.
+    depth = CAMERA_HEIGHT - scene.heights
+    sponge, can = scene.classes == SPONGE, scene.classes == CAN
+    assert covered_share(sponge, can, depth, 0.01) == pytest.approx(1 / 8, abs=0.02)
+    assert covered_share(can, sponge, depth, 0.01) == 0.0
+    # Through holes in depth it is told by what is nearest.
+    depth[sponge & (np.arange(320) % 4 > 0)] = 0.0
+    assert covered_share(sponge, can, depth, 0.01) == pytest.approx(1 / 8, abs=0.02)

@@ -16,11 +16,12 @@ from crossmodal.systems.port_values import Boxes, PosePrior, Segment, of_mesh
 class AroundConfig:
     """Of the table, and how far to keep away."""
 
-    # Two opposite corners, x and y in W, of the part of the table where objects are looked for and
-    # may be put down.
+    # Two opposite corners, x and y in W, of the part of the table where objects may be put down.
     corners: np.ndarray = numbers(
         np.array([[0.3, -0.35], [0.7, 0.35]]), at_least=-10.0, at_most=10.0, unit="m", shape=(2, 2)
     )
+    # Around it, where objects are seen, too, and may be in the way.
+    beyond: float = number(0.15, at_least=0.0, at_most=10.0, unit="m")
     # Between places that are tried.
     step: float = number(0.02, at_least=1e-3, at_most=1.0, unit="m")
     # Least free way between objects.

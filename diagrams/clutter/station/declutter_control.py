@@ -79,7 +79,7 @@ def add_declutter_control(
             load_network(),
             camera.intrinsics,
             height,
-            region,
+            region.buffer(scenario.sequence.around.beyond, join_style="mitre"),
             {name: float(np.ptp(mesh_vertices(name), axis=0).max()) for name in TRANSPARENT},
             perception.segmenter,
             period,

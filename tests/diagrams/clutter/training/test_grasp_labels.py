@@ -5,10 +5,10 @@ from trimesh.creation import box, cylinder
 
 from crossmodal.diagrams.clutter.training.grasp_data import Body, body_at, true_heights
 from crossmodal.diagrams.clutter.training.grasp_labels import (
-    FORCE,
     PAD_FRICTION,
     find_contacts,
     find_grasps,
+    grip_force,
 )
 from crossmodal.diagrams.clutter.training.shapes import Shape, make_shape
 from crossmodal.maths.arrays import Array, Mask
@@ -51,7 +51,7 @@ def grasps_of(shape: Shape) -> Array:
 
 def test_a_box_is_held_at_its_parallel_sides_and_not_askew() -> None:
     across = np.pi / 2
-    angles = across + np.deg2rad([0.0, 5.0, 20.0, 45.0])
+    angles = across + np.deg2rad([0.0, 5.0, 30.0, 45.0])
     assert_allclose(
         holds(block(), *[(0.0, 0.0, angle, 0.12, 0.015) for angle in angles]),
         [True, True, False, False],
@@ -73,10 +73,17 @@ def test_an_object_wider_than_the_fingers_open_is_not_held() -> None:
     assert len(grasps_of(block(size=np.array([0.2, STROKE - 2.0 * MARGIN - 1e-3, 0.06])))) > 0
 
 
+def test_the_grip_grows_with_what_it_carries() -> None:
+    assert grip_force(0.1) == 5.0
+    # Shear over normal is .4 then.
+    assert grip_force(0.6) == pytest.approx(0.5 * 0.6 * 9.81 / 0.4)
+    assert grip_force(2.0) == 9.0
+
+
 def test_a_heavy_object_slips() -> None:
     friction = 2.0 * PAD_FRICTION * 0.5 / (PAD_FRICTION + 0.5)
-    heaviest = 2.0 * friction * FORCE / 9.81
-    assert heaviest == pytest.approx(0.627, abs=1e-3)
+    heaviest = 2.0 * friction * grip_force(2.0) / 9.81
+    assert heaviest == pytest.approx(1.129, abs=1e-3)
     grasp = (0.0, 0.0, np.pi / 2, 0.07, 0.015)
     size = np.array([0.03, 0.05, 0.06])
     assert holds(block(0.8 * heaviest, size=size), grasp)[0]
@@ -97,7 +104,7 @@ def test_an_object_grasped_beside_its_middle_turns() -> None:
 def test_a_round_object_is_held_at_its_middle_from_all_sides_and_not_beside_it() -> None:
     angles = np.linspace(0.0, np.pi, 7)
     assert holds(tin(0.03), *[(0.0, 0.0, angle, 0.08, 0.055) for angle in angles]).all()
-    assert not holds(tin(0.03), (0.0, 0.02, 0.0, 0.08, 0.055))[0]
+    assert not holds(tin(0.03), (0.0, 0.025, 0.0, 0.08, 0.055))[0]
 
 
 def test_a_grasp_above_the_object_meets_nothing() -> None:
@@ -112,7 +119,7 @@ def test_the_grasps_found_are_centred_and_leave_room() -> None:
     grasps = grasps_of(block())
     assert len(grasps) > 5
     assert_allclose(grasps[:, 1], 0.0, atol=0.006)
-    assert_allclose(np.abs(grasps[:, 2] - np.pi / 2), 0.0, atol=np.deg2rad(16.0))
+    assert_allclose(np.abs(grasps[:, 2] - np.pi / 2), 0.0, atol=np.deg2rad(26.0))
     assert (grasps[:, 3] >= SIZE[1] + 2.0 * MARGIN - 1e-6).all()
     assert_allclose(grasps[:, 4], 0.015, atol=1e-6)
 

@@ -71,8 +71,12 @@ def _stages(
     record: EpisodeRecord, estimator: EstimatorRecord, true: Array, model: TargetModel
 ) -> list[dict[str, Any]]:
     measured = {one.number: one for one in measurements(record)}
-    displaced = [one.displaced for one in measured.values() if one.kind == "touch"]
-    X_arm = true_displacement(record.scenario, record.calibration) if displaced else np.eye(4)
+    touches = [one.displaced for one in measured.values() if one.kind == "touch"]
+    # What was not reached is not displaced.
+    displaced = next((one for one in touches if one.any()), touches[0] if touches else None)
+    X_arm = np.eye(4)
+    if displaced is not None:
+        X_arm = true_displacement(record.scenario, record.calibration)
     found: dict[int, dict[str, Any]] = {}
     for tick, X_WM in zip(estimator.ticks, true, strict=False):
         belief: ObjectPose = tick.values["object_pose_latest"]
@@ -86,9 +90,9 @@ def _stages(
             "translation_claimed": _claimed_radius(belief),
             **_errors(belief, X_WM, model),
         }
-        if displaced:
+        if displaced is not None:
             # Where the touching arm has to go to meet the object, and where it would go.
-            met = _errors(belief.as_met(displaced[0]), np.linalg.inv(X_arm) @ X_WM, model)
+            met = _errors(belief.as_met(displaced), np.linalg.inv(X_arm) @ X_WM, model)
             found[belief.number]["as_met"] = met
     return [found[number] for number in sorted(found)]
 

@@ -131,6 +131,37 @@ def test_realised_gains_are_those_of_grid_and_belief(record: EpisodeRecord) -> N
     assert abs(touched[1].realised) < 0.1 * touched[0].realised
 
 
+def test_a_touch_that_was_not_reached_does_not_say_how_the_arm_is_displaced(
+    record: EpisodeRecord,
+) -> None:
+    def first_distance(*displaced: np.ndarray) -> float:
+        """As met, of the guess."""
+        station, ticks = [], []
+        for tick in record.estimators["density"].ticks:
+            known = tick.values["object_pose_latest"]
+            joint = np.eye(12)
+            joint[:6, :6] = known.joint
+            known = replace(
+                known, joint=joint, calibration=np.random.default_rng(0).normal(size=(200, 6))
+            )
+            ticks.append(replace(tick, values={"object_pose_latest": known}))
+        for tick in record.station:
+            measured = tick.values["pose_measurement"]
+            if measured.kind == "touch":
+                n = min(measured.number - 2, len(displaced) - 1)
+                measured = replace(measured, displaced=displaced[n])
+            station.append(replace(tick, values={**tick.values, "pose_measurement": measured}))
+        estimators = dict.fromkeys(record.estimators, EstimatorRecord(ticks=ticks))
+        again = replace(record, station=station, estimators=estimators)
+        stages = evaluate(again).summary["pose"]["stages"]
+        return float(stages[0]["as_met"]["distance"])
+
+    nowhere, somewhere = np.zeros((6, 6)), 0.01 * np.eye(6)
+    expected = first_distance(somewhere)
+    assert first_distance(nowhere, somewhere) == expected
+    assert first_distance(nowhere) != pytest.approx(expected)
+
+
 def test_touches_by_another_criterion_have_no_gain_to_compare(record: EpisodeRecord) -> None:
     scenario = record.scenario
     touches = replace(scenario.touches, criterion="log-det")

@@ -29,8 +29,9 @@ class ObjectsConfig:
     # Step of depth within a mask, from which on there are two objects. The head of a spray bottle
     # is as far above its own shoulders.
     step: float = number(0.06, above=0.0, at_most=1.0, unit="m")
-    # Above the table, from which on there is an object even where the network sees none.
-    rise: float = number(0.012, above=0.0, at_most=1.0, unit="m")
+    # Above the table, from which on there is an object even where the network sees none: more than
+    # three standard deviations of what camera, depth scale and table make of it, 5 mm.
+    rise: float = number(0.02, above=0.0, at_most=1.0, unit="m")
 
 
 @dataclass(frozen=True, kw_only=True)

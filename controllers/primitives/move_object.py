@@ -219,9 +219,8 @@ class MoveObject(ArmTask):
             return state
         if wanted.number > state.number:
             # It is planned before the other arms leave, so that they stay if nothing can be done.
-            plan = self._actions.plan(
-                wanted, state.motion.knots[-1], [self._q_home], {**self._away}
-            )
+            here = state.motion.knots[-1]
+            plan = self._actions.plan(wanted, here, [self._q_home], self._away)
             end = ActionEnd(number=wanted.number)
             if plan is None:
                 end = replace(end, outcome=ActionOutcome.UNREACHABLE)

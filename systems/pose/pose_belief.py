@@ -186,7 +186,8 @@ def infer_pose(
     rng = np.random.default_rng(config.seed)
     coarse = problem_of(evidence, prior, model, config.coarse_points, rng)
     fine = problem_of(evidence, prior, model, config.fine_points, rng)
-    starts = start_poses(prior, model, config.starts, rng, coarse.s)
+    means = start_poses(prior, model, config.starts, rng, coarse.s)
+    starts = means.copy()
     if evidence.table is not None:
         starts[2::2] = stood(starts[2::2], evidence.table, model)
     size = len(fine.s) + _STEPS_ALONG * len(fine.free) + 1
@@ -196,7 +197,7 @@ def infer_pose(
     # free space bound the density and do not narrow it, so they do not count.
     is_sparse = length >= _SHORTEST
     if is_sparse:
-        samples, calibration = _randomised(starts[1:], fine, config.samples, rng)
+        samples, calibration = _randomised(means[1:], starts[1:], fine, config.samples, rng)
         steps = rng.normal(size=(config.samples, length, modes.P.shape[1]))
         lots = rng.uniform(size=(config.samples, length))
         walk(samples, calibration, _STEP, steps, lots, FINE[-1], fine)
@@ -268,7 +269,7 @@ def _draw(modes: _Modes, count: int, rng: np.random.Generator) -> tuple[Array, A
 
 
 def _randomised(
-    starts: Array, problem: Problem, count: int, rng: np.random.Generator
+    means: Array, starts: Array, problem: Problem, count: int, rng: np.random.Generator
 ) -> tuple[Array, Array]:
     """Approximate samples of the density: poses (S, 4, 4) and errors of the calibration (S, a).
 
@@ -277,7 +278,8 @@ def _randomised(
     on the pose. A larger remaining cost tells of a wrong local maximum, so it lowers the weight.
 
     Args:
-        starts: Poses (K, 4, 4) drawn from the prior; some may be turned upright on the table.
+        means: Of the prior (K, 4, 4), drawn from it.
+        starts: Poses (K, 4, 4) from which the maxima are sought.
         problem: What was measured.
         count: Number S.
         rng: Of all that is drawn.
@@ -286,7 +288,7 @@ def _randomised(
     costs, floors = np.empty(len(starts)), np.concatenate([COARSE, FINE])
     for k in range(len(starts)):
         one = slice(k, k + 1)
-        drawn = _perturbed(problem, starts[k], c[k].copy(), rng)
+        drawn = _perturbed(problem, means[k], c[k].copy(), rng)
         costs[k] = refine(X[one], c[one], floors, drawn)[0][0]
     summed = np.cumsum(np.exp(-0.5 * (costs - costs.min())))
     # Systematic resampling.

@@ -174,6 +174,21 @@ def test_without_evidence_the_prior_is_believed(model: TargetModel) -> None:
     assert_allclose(np.sqrt(np.diag(belief.covariance)), [0.2] * 3 + [0.02] * 3, rtol=0.5)
 
 
+def test_the_height_of_the_prior_tells_how_the_object_stands() -> None:
+    """A box whose middle is as high as when it stands upright does not lie on a side."""
+    mesh = trimesh.creation.box(extents=[0.08, 0.05, 0.2])
+    model = make_target(mesh.vertices, mesh.faces)
+    X = standing(model, np.random.default_rng(0))
+    X[2, 3] = 0.1
+    prior = PosePrior(X=X, rotation_sigma=np.inf, translation_sigma=0.01)
+    evidence = Evidence(table=Table(height=0.0, height_sigma=1e-3))
+    belief = infer_pose(
+        evidence.with_group(np.zeros((6, 0)), np.zeros((0, 3)), 1e-3), prior, model, CONFIG
+    )
+    assert np.mean(np.abs(belief.samples[:, 2, 2]) > 0.95) > 0.95
+    assert_allclose(belief.samples[:, 2, 3], 0.1, atol=0.01)
+
+
 def test_any_rotation_is_found_in_one_view(model: TargetModel) -> None:
     found = []
     for seed in range(12):

@@ -104,26 +104,31 @@ def free_places(
 
 
 def guess_of(
-    segment: Segment, middle: Array, longest: float, height: float, config: AroundConfig
+    segment: Segment, middle: Array, edges: Array, height: float, config: AroundConfig
 ) -> PosePrior:
     """Where about a known object is of which a part was seen; it may be turned in any way.
 
     The part that others hide is as long as the object is longer than what was seen; then the
     object's middle is anywhere within half of that, to both sides of the middle of what was seen.
+    Glass, of which no height is seen, stands on any of its sides.
 
     Args:
         segment: The object.
         middle: p_OM (3,) of its model, [m].
-        longest: The longest edge of the model's bounding box, [m].
+        edges: Of the model's bounding box (3,), [m].
         height: Of the table in W, [m].
         config: With the height of objects whose height is unknown, and the outlines' error.
     """
-    top = top_of(segment, config)
+    sides = np.diff(shapely.get_coordinates(segment.box), axis=0)
+    seen = float(np.linalg.norm(sides, axis=1).max())
+    lowest = highest = top_of(segment, config)
+    if segment.is_glass:
+        lowest, highest = edges.min(), edges.max()
+    else:
+        seen = max(seen, highest)
+    hidden = max(edges.max() - seen, 0.0, 0.5 * (highest - lowest))
     X_WM = np.eye(4)
-    X_WM[:3, 3] = [*segment.centroid, height + 0.5 * top]
-    edges = np.diff(shapely.get_coordinates(segment.box), axis=0)
-    seen = max(float(np.linalg.norm(edges, axis=1).max()), top)
-    hidden = max(longest - seen, 0.0)
+    X_WM[:3, 3] = [*segment.centroid, height + 0.25 * (lowest + highest)]
     return PosePrior(
         X=of_mesh(X_WM, middle),
         rotation_sigma=np.inf,

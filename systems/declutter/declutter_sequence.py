@@ -187,7 +187,7 @@ class DeclutterSequence(RecursiveFilter):
         self,
         target: str,
         middle: Array,
-        longest: float,
+        edges: Array,
         height: float,
         places: Sequence[Array],
         table: ViewRequest,
@@ -199,7 +199,7 @@ class DeclutterSequence(RecursiveFilter):
         Args:
             target: Name of the target's class.
             middle: p_OM (3,) of the target's model, [m].
-            longest: The longest edge of the target's bounding box, [m].
+            edges: Of the target's bounding box (3,), [m].
             height: Of the table in W, [m].
             places: X_WC (4, 4) from which all of the table is seen, the preferred one first.
             table: With the box in which all objects are, around which the camera goes.
@@ -211,7 +211,7 @@ class DeclutterSequence(RecursiveFilter):
         if not len(places):
             raise ValueError("DeclutterSequence: places is empty, but the table must be seen")
         self._target, self._config = target, config
-        self._middle, self._longest = middle, longest
+        self._middle, self._edges = middle, edges
         self._height = height
         self._places, self._table = tuple(places), table
         self._segments = self._declare_value_input("segments", NO_SEGMENTS)
@@ -318,7 +318,7 @@ class DeclutterSequence(RecursiveFilter):
         others = [s for s in state.scene.segments if target is None or s.number != target.number]
         around, guess = self._config.around, NO_PRIOR
         if target is not None:
-            guess = guess_of(target, self._middle, self._longest, self._height, around)
+            guess = guess_of(target, self._middle, self._edges, self._height, around)
         return replace(
             state,
             phase=DeclutterPhase.POSE,

@@ -41,6 +41,7 @@ class Segment(Immutable):
             object that is wider above than at its foot, it is that of the widest place.
         pixels: The same in the image, [px]; empty where there is none.
         top: Height of the object above the table, [m]; NaN where it is not known.
+        is_glass: Whether a depth camera looks through it; the top is the greatest possible, then.
         covered: Share of its outline in the image along which another object is before it, 0 to 1.
 
     Raises:
@@ -52,6 +53,7 @@ class Segment(Immutable):
     contour: shapely.Geometry
     pixels: shapely.Geometry = _NOTHING
     top: float = np.nan
+    is_glass: bool = False
     covered: float = 0.0
 
     def __post_init__(self) -> None:

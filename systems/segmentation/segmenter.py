@@ -129,7 +129,9 @@ def segments_in(
         covered = 0.0
         if not highest:
             covered = covered_share(one.mask, solid & ~one.mask, view.depth, _BEFORE)
-        segment = replace(segment, top=highest or segment.top, covered=covered)
+        segment = replace(
+            segment, top=highest or segment.top, is_glass=bool(highest), covered=covered
+        )
         if region.contains(segment.contour.centroid):
             kept.append((segment, one.mask))
     return tuple(segment for segment, _ in kept), [mask for _, mask in kept]
@@ -216,7 +218,7 @@ class Segmenter(RecursiveFilter):
                 number=count,
                 view=looked,
                 objects=objects,
-                glass={s.number: s.top for s in named if s.name in self._glass},
+                glass={s.number: s.top for s in named if s.is_glass},
                 colour=view.colour,
                 depth=view.depth,
                 intrinsics=view.intrinsics,

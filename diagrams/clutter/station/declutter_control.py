@@ -93,7 +93,7 @@ def add_declutter_control(
         DeclutterSequence(
             name,
             model.middle,
-            float(np.ptp(model.hull, axis=0).max()),
+            np.ptp(model.hull, axis=0),
             height,
             _places(arms, table),
             table,

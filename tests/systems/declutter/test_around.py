@@ -20,6 +20,7 @@ from crossmodal.systems.pose.target_model import make_target
 from tests.systems.declutter.scenes import random_scene, rectangle
 
 CONFIG = AroundConfig()
+EDGES = np.array([0.06, 0.06, 0.2])
 CORNERS = ((-1, -1), (1, -1), (1, 1), (-1, 1))
 
 
@@ -80,13 +81,18 @@ def test_on_a_full_table_there_is_no_place() -> None:
 
 
 def test_the_guess_is_about_the_middle() -> None:
-    mesh = trimesh.creation.box(extents=[0.06, 0.06, 0.2])
+    mesh = trimesh.creation.box(extents=EDGES)
     mesh.apply_translation([0.3, 0.2, 0.1])  # The mesh's frame is not its middle.
     model = make_target(mesh.vertices, mesh.faces)
     segment = Segment(number=0, contour=shapely.box(0.47, 0.07, 0.53, 0.13), top=0.2)
-    guess = guess_of(segment, model.middle, 0.2, 0.0, CONFIG)
+    guess = guess_of(segment, model.middle, EDGES, 0.0, CONFIG)
     assert_allclose(of_middle(guess.X, model.middle)[:3, 3], [0.5, 0.1, 0.1], atol=1e-6)
     assert guess.rotation_sigma == np.inf
     assert guess.translation_sigma == CONFIG.middle_error  # All of its length was seen.
     half = Segment(number=0, contour=shapely.box(0.47, 0.07, 0.53, 0.13), top=0.05)
-    assert guess_of(half, model.middle, 0.2, 0.0, CONFIG).translation_sigma > 0.04
+    assert guess_of(half, model.middle, EDGES, 0.0, CONFIG).translation_sigma > 0.04
+    glass = replace(segment, is_glass=True)
+    guess = guess_of(glass, model.middle, EDGES, 0.0, CONFIG)  # It stands or lies.
+    z, sigma = of_middle(guess.X, model.middle)[2, 3], guess.translation_sigma
+    assert z - 1.5 * sigma < 0.03
+    assert z + 1.5 * sigma > 0.1

@@ -45,7 +45,8 @@ TABLE = ViewRequest(box_edges=np.array([0.6, 0.8, 0.4]))
 
 
 def sequence(config: DeclutterSequenceConfig) -> DeclutterSequence:
-    return DeclutterSequence("wineglass", np.zeros(3), 0.1, 0.0, PLACES, TABLE, config, 0.1)
+    edges = np.full(3, 0.1)
+    return DeclutterSequence("wineglass", np.zeros(3), edges, 0.0, PLACES, TABLE, config, 0.1)
 
 
 @dataclass

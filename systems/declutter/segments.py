@@ -43,7 +43,8 @@ def outline(mask: Mask) -> shapely.Polygon:
     for part in parts:
         # OpenCV's outline runs through the pixels' centres, and to and fro where it is thin.
         line = shapely.LineString(np.concatenate([part, part[:1]])[:, 0]).simplify(_TOLERANCE)
-        wide = line.buffer(0.5, cap_style="square", join_style="mitre")
+        # Mitred corners can tear the outline apart.
+        wide = line.buffer(0.5, cap_style="square", quad_segs=2)
         filled.append(shapely.Polygon(wide.exterior))
     return filled[0] if len(filled) == 1 else shapely.MultiPolygon(filled).convex_hull
 

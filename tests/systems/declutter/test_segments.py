@@ -9,7 +9,12 @@ from numpy.testing import assert_allclose
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array, Mask
 from crossmodal.maths.pinhole import Intrinsics
-from crossmodal.systems.declutter.segments import on_plane, segment_of_mask, with_known_numbers
+from crossmodal.systems.declutter.segments import (
+    on_plane,
+    outline,
+    segment_of_mask,
+    with_known_numbers,
+)
 from crossmodal.systems.port_values import Segment
 from tests.systems.declutter.scenes import rectangle, rotation
 
@@ -79,7 +84,7 @@ def test_a_flat_object_is_as_large_from_everywhere(height: float) -> None:
     for corner in MIDDLE + SHAPE:
         assert segment.box.exterior.distance(shapely.Point(corner)) < 3.0 * pixel
     corners = shapely.get_num_coordinates([segment.pixels, segment.contour])
-    assert corners[0] == corners[1] < 13
+    assert corners[0] == corners[1] < 20
 
 
 def test_depth_puts_a_high_object_where_it_stands() -> None:
@@ -104,12 +109,25 @@ def test_where_no_depth_was_measured_the_table_is_taken() -> None:
     assert np.isnan(segment.top)
 
 
+def test_any_mask_has_an_outline() -> None:
+    """Ragged masks have outlines that run to and fro or cross themselves once simplified."""
+    rng = np.random.default_rng(0)
+    for _ in range(1000):
+        noise = cv2.GaussianBlur(rng.normal(size=rng.integers(3, 60, 2)), (0, 0), rng.uniform(1, 4))
+        mask = noise > np.quantile(noise, rng.uniform(0.5, 0.98))
+        mask = cv2.connectedComponents(mask.astype(np.uint8))[1] == 1
+        if mask.any():
+            shape = outline(mask)
+            assert shape.is_valid
+            assert 0.6 * mask.sum() < shape.area
+
+
 def test_an_object_in_two_parts_has_what_lies_between() -> None:
     mask = np.zeros((480, 640), bool)
     mask[200:220, 200:260] = mask[200:220, 300:360] = True
     segment = segment_of_mask(0, "marker", mask, CAMERA, above(), TABLE)
     pixel = 0.8 / 600.0
-    assert segment.contour.area == pytest.approx(160 * 20 * pixel**2, rel=1e-6)
+    assert segment.contour.area == pytest.approx(160 * 20 * pixel**2, rel=1e-3)
 
 
 def test_an_empty_mask_is_refused() -> None:

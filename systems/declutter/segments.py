@@ -43,9 +43,9 @@ def outline(mask: Mask) -> shapely.Polygon:
     for part in parts:
         # OpenCV's outline runs through the pixels' centres, and to and fro where it is thin.
         line = shapely.LineString(np.concatenate([part, part[:1]])[:, 0]).simplify(_TOLERANCE)
-        # Mitred corners can tear the outline apart.
+        # Shapely may tear a wide line apart, more often with mitred corners.
         wide = line.buffer(0.5, cap_style="square", quad_segs=2)
-        filled.append(shapely.Polygon(wide.exterior))
+        filled.extend(shapely.Polygon(piece.exterior) for piece in shapely.get_parts(wide))
     return filled[0] if len(filled) == 1 else shapely.MultiPolygon(filled).convex_hull
 
 

@@ -39,7 +39,7 @@ def outline(mask: Mask) -> shapely.Polygon:
     parts, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
     if not parts:
         raise ValueError("the mask of an object has no pixel")
-    filled = []
+    filled: list[shapely.Polygon] = []
     for part in parts:
         # OpenCV's outline runs through the pixels' centres, and to and fro where it is thin.
         line = shapely.LineString(np.concatenate([part, part[:1]])[:, 0]).simplify(_TOLERANCE)

@@ -56,7 +56,9 @@ def test_it_holds_every_file_of_the_rooms(installed: Path) -> None:
         "models/weights/hand_bending.npz",
         "models/weights/segmentation.onnx",
         "models/examples/two_drawers.urdf",
+        "diagrams/drawing/page_style.html",
         "diagrams/evaluation/report.html.jinja",
+        "diagrams/run/folder/run_page.html.jinja",
     } < found
 
 

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-import jinja2
 import pandas as pd
 from PIL import Image
 
+from crossmodal.diagrams.drawing.page import render
 from crossmodal.diagrams.drawing.plot_style import save
 from crossmodal.diagrams.evaluation.campaign import Campaign, Summary, episode_folder
 from crossmodal.diagrams.evaluation.metric_table import (
@@ -27,6 +27,7 @@ from crossmodal.diagrams.evaluation.metric_table import (
 )
 from crossmodal.diagrams.run.folder.fingerprint import versions
 from crossmodal.diagrams.run.folder.run_folder import (
+    PAGE_FILE,
     PLOT_FOLDER,
     undrawn,
     write_atomically,
@@ -34,7 +35,7 @@ from crossmodal.diagrams.run.folder.run_folder import (
 )
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 
-CSV_FILE, TABLE_FILE, PAGE_FILE = "results.csv", "table.md", "report.html"
+CSV_FILE, TABLE_FILE = "results.csv", "table.md"
 OVERVIEW_FILES = (CSV_FILE, TABLE_FILE, PAGE_FILE)
 _THUMBNAIL = (480, 480)  # Largest width and height, [pixels].
 
@@ -142,12 +143,12 @@ def page(
     heading: str, origin: str, sections: Sequence[Section], overall: Sequence[Table] = ()
 ) -> str:
     """The page, with every picture inside it."""
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(Path(__file__).parent), autoescape=True, trim_blocks=True
-    )
-    template = environment.get_template("report.html.jinja")
-    return template.render(
-        heading=heading, made_by=origin.replace("`", ""), sections=sections, overall=overall
+    return render(
+        Path(__file__).with_name("report.html.jinja"),
+        heading=heading,
+        made_by=origin.replace("`", ""),
+        sections=sections,
+        overall=overall,
     )
 
 

@@ -123,7 +123,8 @@ def declutter_graph(
     """The graph of a scene, and what to take away next.
 
     That is the leaf of the highest incoming weight on which an action may still be tried and is
-    possible, and among equal ones that of the lowest number.
+    possible, and among equal ones that of the lowest number. A leaf without such an action stays
+    where it is, and what it hangs on counts as a leaf.
 
     Args:
         scene: All objects.
@@ -161,7 +162,9 @@ def declutter_graph(
         apart=tuple(segment for i, segment in enumerate(segments) if i not in tree),
         why=TARGET_FREE if len(tree) == 1 else NOTHING_LEFT,
     )
-    for leaf in sorted(graph.leaves, key=lambda leaf: (-leaf.weight, leaf.segment.number)):
+    staying = set[int]()
+    while leaves := graph.leaves(staying):
+        leaf = max(leaves, key=lambda leaf: (leaf.weight, -leaf.segment.number))
         n, why = leaf.segment.number, leaf.why
         others = [segment for segment in segments if segment.number != n]
         for action in left[n]:
@@ -174,6 +177,7 @@ def declutter_graph(
             vertices[n] = replace(leaf, action=action)
             found = tuple(vertices.values())
             return replace(graph, vertices=found, next=n, pushes=pushes, why="")
+        staying.add(n)
         vertices[n] = replace(leaf, action=None, why=why)
     return replace(graph, vertices=tuple(vertices.values()))
 

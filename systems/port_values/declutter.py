@@ -7,7 +7,7 @@ In pixels, as in the paper, thresholds would hold for one camera at one place. S
 which cannot be written.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
@@ -235,11 +235,11 @@ class DeclutterGraph(Immutable):
             raise KeyError(f"object {number} is not in the tree; there are {[*vertices]}")
         return vertices[number]
 
-    @property
-    def leaves(self) -> tuple[DeclutterVertex, ...]:
-        """On which nothing hangs, without the root."""
-        parents = {vertex.parent for vertex in self.vertices}
-        return tuple(v for v in self.vertices[1:] if v.segment.number not in parents)
+    def leaves(self, staying: Collection[int] = ()) -> tuple[DeclutterVertex, ...]:
+        """On which nothing hangs, without the root, and as if some objects were not there."""
+        rest = [v for v in self.vertices if v.segment.number not in staying]
+        parents = {vertex.parent for vertex in rest}
+        return tuple(v for v in rest if v.parent >= 0 and v.segment.number not in parents)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -176,10 +176,10 @@ def evaluate(record: EpisodeRecord) -> Results:
         estimates=table,
         summary=summary,
         plots={
+            **step_pictures(record),
             "stages.png": partial(draw_stages, stages, scenario.seed),
             "gains.png": partial(_draw_gains, record, stages[first], model),
             "claim.png": partial(draw_claim, stages, scenario.seed, _CLAIMED),
-            **step_pictures(record),
         }
         if is_known
         else {},

@@ -32,9 +32,10 @@ ESTIMATES_FILE = "estimates.parquet"
 SUMMARY_FILE = "summary.json"
 MESHCAT_FILE = "meshcat.html"
 SENSORS_FILE = "sensors.mcap"
+PAGE_FILE = "report.html"
 PLOT_FOLDER = "figures"
 # What a run may write whatever its application is.
-FILES = (SCENARIO_FILE, ESTIMATES_FILE, SUMMARY_FILE, MESHCAT_FILE, SENSORS_FILE)
+FILES = (SCENARIO_FILE, ESTIMATES_FILE, SUMMARY_FILE, MESHCAT_FILE, SENSORS_FILE, PAGE_FILE)
 
 
 def default_folder(scenario: Scenario) -> Path:
@@ -178,6 +179,7 @@ class RunWriter:
         self._names += [f"{PLOT_FOLDER}/{name}" for name in results.plots]
         self._names += [MESHCAT_FILE] if record.meshcat_html is not None else []
         self._names += [SENSORS_FILE] if record.sensors_file is not None else []
+        self._names += [PAGE_FILE]
         self.summary = summarise(application, record, results) | {"files": self._names}
 
     def write_results(self) -> None:
@@ -223,6 +225,24 @@ class RunWriter:
         page = self._record.meshcat_html
         if page is not None:
             self._write(MESHCAT_FILE, lambda path: path.write_text(page, encoding="utf-8"))
+        self._write(PAGE_FILE, lambda path: path.write_text(self._page(), encoding="utf-8"))
+
+    def _page(self) -> str:
+        """What came of the run, with its pictures, which the page finds in the folder."""
+        from crossmodal.diagrams.drawing.page import render
+
+        scenario, failure = self._record.scenario, self.summary["failure"]
+        links = {"in 3D": MESHCAT_FILE, "all figures": SUMMARY_FILE, "scenario": SCENARIO_FILE}
+        outcome = "done" if self.summary["success"] else "not known whether it was done"
+        return render(
+            Path(__file__).with_name("run_page.html.jinja"),
+            heading=f"{scenario.name}, seed {scenario.seed}",
+            failure=failure,
+            outcome=f"failed: {failure}" if failure else outcome,
+            links={text: name for text, name in links.items() if (self._folder / name).is_file()},
+            lines=self._results.report(self.summary),
+            pictures=[name for name in self._names if name.startswith(f"{PLOT_FOLDER}/")],
+        )
 
     def _write(self, name: str, write: Callable[[Path], Any]) -> None:
         self._try(lambda: write_atomically(self._folder / name, write))

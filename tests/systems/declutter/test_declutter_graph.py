@@ -150,7 +150,7 @@ def test_objects_hang_on_each_other_as_they_stand() -> None:
     assert parents == {0: -1, 1: 0, 2: 1, 3: 0}
     assert [segment.number for segment in graph.apart] == [4]
     assert [v.segment.number for v in graph.vertices] == [0, 1, 3, 2]
-    assert [v.segment.number for v in graph.leaves] == [3, 2]
+    assert [v.segment.number for v in graph.leaves()] == [3, 2]
     assert graph.vertex(1).weight == pytest.approx(0.9)
     assert graph.vertex(0).weight == 0.0
     assert graph.number == 1
@@ -255,8 +255,7 @@ def test_two_objects_of_the_same_number_are_refused() -> None:
         graph_of(*row(0.0, 0.05), rectangle(1, "box", (0.1, 0.0)))
 
 
-def failures(grasps: int, pushes: int, number: int = 1) -> Tries:
-    tries = NO_TRIES
+def failures(grasps: int, pushes: int, number: int = 1, tries: Tries = NO_TRIES) -> Tries:
     for action in [GRASP] * grasps + [PUSH] * pushes:
         tries = tries.with_failure(number, action, False)
     return tries
@@ -328,7 +327,19 @@ def test_an_object_that_cannot_be_pushed_is_grasped_if_it_can_be() -> None:
 def test_leaves_are_tried_from_the_highest_weight_on() -> None:
     for seed in range(10):
         graph = graph_of(*random_scene(seed))
-        ranked = sorted(graph.leaves, key=lambda leaf: (-leaf.weight, leaf.segment.number))
+        ranked = sorted(graph.leaves(), key=lambda leaf: (-leaf.weight, leaf.segment.number))
         assert all(a.weight >= b.weight for a, b in pairwise(ranked))
         possible = [leaf for leaf in ranked if leaf.action is not None]
-        assert graph.next == (possible[0].segment.number if possible else -1)
+        if possible:
+            assert graph.next == possible[0].segment.number
+
+
+def test_what_hangs_on_a_leaf_that_cannot_be_moved_is_moved_instead() -> None:
+    """Three in a row from the target: the outer one stays, so the middle one is next."""
+    chain = row(0.0, 0.05, 0.1)
+    assert graph_of(*chain).next == 2
+    graph = graph_of(*chain, tries=failures(0, 2, number=2))
+    assert graph.next == 1
+    assert graph.vertex(2).action is None
+    both = failures(0, 2, number=2, tries=failures(0, 2))
+    assert graph_of(*chain, tries=both).why == NOTHING_LEFT

@@ -37,6 +37,7 @@ FILES = {
     "figures/configuration.png",
     "meshcat.html",
     "sensors.mcap",
+    "report.html",
     "summary.json",
 }
 
@@ -57,8 +58,11 @@ def test_a_run_writes_all_its_files_and_can_be_run_again(tmp_path: Path) -> None
     assert files == FILES
     summary = json.loads((folder / "summary.json").read_text())
     assert {*summary["files"], "summary.json"} == FILES
+    page = (folder / "report.html").read_text()
+    assert "drawer, seed 3" in page
     for path in (folder / PLOT_FOLDER).iterdir():
         assert path.read_bytes().startswith(b"\x89PNG")
+        assert f'src="figures/{path.name}"' in page
     _, again = load_scenario(str(folder / "scenario.yaml"))
     assert again.seed == 3
     assert "drake" in again.versions
@@ -100,7 +104,7 @@ def test_on_a_full_disk_only_the_large_files_are_missing_and_the_run_is_not_comp
     writer.write_pictures()
     there = {path.name for path in tmp_path.rglob("*") if path.is_file()}
     assert there == {"scenario.yaml", "estimates.parquet", "summary.json", "errors.png",
-                     "configuration.png"}  # fmt: skip
+                     "configuration.png", "report.html"}  # fmt: skip
     assert writer.missing == [
         f"{tmp_path / name}: cannot be written: No space left on device"
         for name in ("figures/frames.png", "meshcat.html")
@@ -280,7 +284,7 @@ def test_an_error_while_drawing_loses_nothing_but_that_picture(tmp_path: Path) -
     writer = RunWriter(tmp_path, APPLICATION, record, results)
     writer.write_results()
     writer.write_pictures()
-    names = {"scenario.yaml", "estimates.parquet", "summary.json", "c.png"}
+    names = {"scenario.yaml", "estimates.parquet", "summary.json", "c.png", "report.html"}
     assert {path.name for path in writer.written} == names
     assert len(writer.written) == len(names)
     first, second = writer.missing

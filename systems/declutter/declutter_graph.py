@@ -110,7 +110,7 @@ def actions_left(
     grasp, push = DeclutterAction.GRASP, DeclutterAction.PUSH
     order = [grasp, push] if quality >= config.grasp_quality else [push, grasp]
     possible = order if quality > 0.0 else [push]
-    return [action for action in possible if tries.count(number, action) < config.tries]
+    return [action for action in possible if tries.may(number, action, config.tries)]
 
 
 def declutter_graph(
@@ -183,6 +183,10 @@ def declutter_graph(
 
 
 def _used_up(number: int, tries: Tries) -> str:
-    counts = {action: tries.count(number, action) for action in DeclutterAction}
-    failed = [f"{count} x {action}" for action, count in counts.items() if count]
-    return f"all tries are used up: {', '.join(failed)}"
+    found = []
+    for action in DeclutterAction:
+        if count := tries.count(number, action):
+            found.append(f"{count} x {action}")
+        if (number, action) in tries.unreachable:
+            found.append(f"{action} out of reach")
+    return f"all tries are used up: {', '.join(found)}"

@@ -41,9 +41,8 @@ from crossmodal.systems.recursive_filter import RecursiveFilter
 
 LEFT_ALONE = "nothing is to be taken away"
 TOO_MANY = "as many actions as are allowed"
-# Outcomes of an arm: it has not moved, or something was in its way.
-UNREACHABLE = "unreachable"
-HINDERED = (UNREACHABLE, "blocked")
+UNREACHABLE = "unreachable"  # An outcome of an arm: it has not moved.
+BLOCKED = "blocked"  # Another one: something was in its way.
 NO_VIEW_LEFT = "the camera gets to no view of the table"
 
 
@@ -271,11 +270,12 @@ class DeclutterSequence(RecursiveFilter):
         if state.outcome:
             step = judge(state.request, state.outcome, state.scene, scene, self._config.moved)
             progress = replace(progress, steps=(*progress.steps, step))
-            hindered = step.outcome in HINDERED
             if step.worked:
                 tries = tries.after_success()
+            elif step.outcome == UNREACHABLE:
+                tries = tries.out_of_reach(step.object, step.action)
             else:
-                tries = tries.with_failure(step.object, step.action, hindered)
+                tries = tries.with_failure(step.object, step.action, step.outcome == BLOCKED)
         tries = replace(tries, number=scene.number)
         return replace(state, scene=scene, outcome="", tries=tries, progress=progress)
 

@@ -135,11 +135,17 @@ class Tries(Immutable):
         failed: Counts by the object's number and the action.
         hindered: Likewise of those that something in the way prevented, since the last action that
             worked: that may have taken it away.
+        unreachable: Which the arm could not even begin since then: it could not do so again.
     """
 
     number: int = 0
     failed: Mapping[tuple[int, DeclutterAction], int] = field(default_factory=dict)
     hindered: Mapping[tuple[int, DeclutterAction], int] = field(default_factory=dict)
+    unreachable: frozenset[tuple[int, DeclutterAction]] = frozenset()
+
+    def may(self, number: int, action: DeclutterAction, tries: int) -> bool:
+        """Whether an action may be tried on an object, of which so many tries are allowed."""
+        return (number, action) not in self.unreachable and self.count(number, action) < tries
 
     def count(self, number: int, action: DeclutterAction) -> int:
         """How often an action has failed on an object."""
@@ -152,9 +158,13 @@ class Tries(Immutable):
         counts = {**counts, key: counts.get(key, 0) + 1}
         return replace(self, hindered=counts) if hindered else replace(self, failed=counts)
 
+    def out_of_reach(self, number: int, action: DeclutterAction) -> "Tries":
+        """After one that the arm could not even begin."""
+        return replace(self, unreachable=self.unreachable | {(number, action)})
+
     def after_success(self) -> "Tries":
         """After an action that worked."""
-        return replace(self, hindered={})
+        return replace(self, hindered={}, unreachable=frozenset())
 
 
 @dataclass(frozen=True, kw_only=True)

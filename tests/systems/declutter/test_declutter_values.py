@@ -62,6 +62,13 @@ def test_failures_are_counted_by_object_and_action() -> None:
         tries = tries.with_failure(number, action, hindered)
     assert [tries.count(3, grasp), tries.count(3, push), tries.count(4, push)] == [2, 0, 1]
     assert Tries() == NO_TRIES  # It has not been written.
+    tries = tries.out_of_reach(4, grasp)  # That is not tried again before something was moved.
+    assert [tries.may(3, grasp, 3), tries.may(4, push, 1), tries.may(4, grasp, 3)] == [
+        True,
+        False,
+        False,
+    ]
+    assert tries.after_success().may(4, grasp, 3)
 
 
 def test_a_graph_without_this_object_names_those_that_it_has() -> None:

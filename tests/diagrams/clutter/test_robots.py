@@ -20,6 +20,7 @@ from crossmodal.diagrams.run.application import Results
 from crossmodal.diagrams.run.episode import Episode
 from crossmodal.diagrams.run.record import EpisodeRecord, Quantity, TaskStatus
 from crossmodal.maths.arrays import Array
+from crossmodal.maths.gaussian import chi_square_gate
 from crossmodal.systems.active.touch_planner import TouchPlanner
 from crossmodal.systems.port_values import PoseMeasurement, of_middle
 from crossmodal.systems.pose.surface import nearest_distances
@@ -134,7 +135,8 @@ def test_the_object_stays_where_it_is(ran: Ran) -> None:
 def test_the_object_is_found_as_well_as_is_claimed(ran: Ran) -> None:
     stages = ran.results.summary["pose"]["stages"]
     assert [stage["stage"] for stage in stages] == ["guess", "view", "touch"]
-    assert all(stage["inside_claim"] for stage in stages)
+    # Of right claims one in twenty is outside of 95 %, so that this one is that of 99.9 %.
+    assert max(stage["distance"] for stage in stages) < chi_square_gate(0.001, 6)
     assert stages[-1]["adi"] < 5e-3
     assert stages[-1]["translation_error"] < 0.01
 

@@ -236,9 +236,9 @@ def black_box() -> Goods:
 
 def screwdriver() -> Goods:
     """A screwdriver along x that lies on its handle."""
-    handle = capsule(height=0.075, radius=0.0145, count=[12, 24])
+    handle = capsule(height=0.075, radius=0.0145, count=[12, 20])
     handle.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, [0, 1, 0]))
-    handle.apply_translation([-0.045 - 0.0375, 0.0, 0.0145])
+    handle.apply_translation([-0.045, 0.0, 0.0145] - handle.bounds.mean(axis=0))
     shaft = rod(0.0035, (-0.01, 0.0, 0.0145), (0.105, 0.0, 0.0145))
     return Goods(parts=[handle, shaft], mass=0.10, color=(0.90, 0.45, 0.08, 1.0))
 

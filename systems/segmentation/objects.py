@@ -1,5 +1,6 @@
 """Which objects an image shows: masks of the network's classes, taken apart into single objects."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from itertools import combinations
@@ -17,6 +18,7 @@ from crossmodal.systems.onnx_network import OnnxNetwork
 from crossmodal.systems.segmentation.network_input import CLASSES, OTHER, SHAPE, TRANSPARENT
 
 _TABLE = 0  # Index of its class.
+_SPECK = 0.1  # Share of the least object; what is smaller and by itself is nothing.
 _FRINGE = 5  # Width of the rim of an object that is not taken for another one, [px at 320 x 240].
 
 
@@ -24,8 +26,11 @@ _FRINGE = 5  # Width of the rim of an object that is not taken for another one, 
 class ObjectsConfig:
     """How masks become objects."""
 
-    # Share of the image, below which nothing is an object: 30 pixels of the network's.
-    least: float = number(4e-4, above=0.0, at_most=1.0)
+    # Share of the image, below which nothing is an object: seen from .7 m, a fingertip's 4 cm^2.
+    least: float = number(1e-3, above=0.0, at_most=1.0)
+    # A part of a class that is smaller by this belongs to the larger one if both are no longer than
+    # an object of that class: more likely so than that most of a second one is hidden.
+    rest: float = number(0.33, at_least=0.0, at_most=1.0)
     # Step of depth within a mask, from which on there are two objects. The head of a spray bottle
     # is as far above its own shoulders.
     step: float = number(0.06, above=0.0, at_most=1.0, unit="m")
@@ -76,18 +81,23 @@ def seen_objects(
     depth: Array,
     heights: Array,
     masked: Mask | None,
+    focal: float,
+    lengths: Mapping[str, float],
     config: ObjectsConfig,
 ) -> list[SeenObject]:
     """The objects of an image, class by class, then those of no class.
 
     Parts of a class that hang together are one object unless depth has a step within. Parts that do
-    not are one object where another one lies before what is between them.
+    not are one object where another one lies before what is between them. Small ones belong to a
+    large one near which they are.
 
     Args:
         classes: The most probable of `CLASSES` (H, W).
         depth: (H, W), [m]; zero, NaN or infinite where none was measured.
         heights: Above the table (H, W), [m]; NaN where no depth was measured.
         masked: Pixels (H, W) of the robot, on which there is no object.
+        focal: Length of the camera, [px].
+        lengths: Of the longest lines within objects of known classes, [m].
         config: Of objects.
     """
     usable = np.ones(classes.shape, bool) if masked is None else ~masked
@@ -106,7 +116,10 @@ def seen_objects(
         if name == OTHER:
             mask = mask & ~(heights <= config.rise) | rises
         split = np.inf if name in TRANSPARENT else config.step  # Depth is of what is behind.
-        for one in _single_objects(mask, scene, split):
+        parts = _single_objects(mask, scene, split)
+        for one in _without_rests(parts, filled / focal, lengths.get(name, 0.0), config.rest):
+            if np.count_nonzero(one) < scene.least:
+                continue
             found.append(SeenObject(name="" if name == OTHER else name, mask=one))
     return found
 
@@ -155,7 +168,7 @@ def _nearest(mask: Mask) -> npt.NDArray[np.int64]:
 
 
 def _single_objects(mask: Mask, scene: _Scene, step: float) -> list[Mask]:
-    """Masks of the single objects in the mask of a class, without what is too small.
+    """Masks of the single objects in the mask of a class, and of what may be a part of one.
 
     Args:
         mask: (H, W).
@@ -170,11 +183,14 @@ def _single_objects(mask: Mask, scene: _Scene, step: float) -> list[Mask]:
     count, labels, facts, _ = cv2.connectedComponentsWithStats(
         (inside & (scene.steps[window] < step)).astype(np.uint8)
     )
-    # What is narrower than the rims at steps belongs to what is beside it.
-    large = [k for k in range(1, count) if facts[k, cv2.CC_STAT_AREA] >= 0.5 * scene.least]
+    large = [k for k in range(1, count) if facts[k, cv2.CC_STAT_AREA] >= _SPECK * scene.least]
     if not large:
         return []
-    parts = np.where(inside, labels.ravel()[_nearest(np.isin(labels, large))], 0)
+    # What is narrower than the rims at steps belongs to what it hangs together with.
+    _, regions = cv2.connectedComponents(inside.astype(np.uint8))
+    nearest = _nearest(np.isin(labels, large))
+    hang = inside & (regions.ravel()[nearest] == regions)
+    parts = np.where(hang, labels.ravel()[nearest], 0)
     masks = np.array([parts == k for k in large])
     depth, between = scene.depth[window], scene.things[window] & ~inside
     linked = np.zeros((len(masks), len(masks)), bool)
@@ -184,7 +200,32 @@ def _single_objects(mask: Mask, scene: _Scene, step: float) -> list[Mask]:
     objects = np.zeros((number, *mask.shape), bool)
     for one, k in zip(masks, group, strict=True):
         objects[k][window] |= one
-    return [one for one in objects if np.count_nonzero(one) >= scene.least]
+    return list(objects)
+
+
+def _without_rests(
+    parts: list[Mask], scale: npt.NDArray[np.floating], longest: float, rest: float
+) -> list[Mask]:
+    """The larger parts of a class, with the small ones that belong to them.
+
+    Args:
+        parts: Masks (H, W).
+        scale: Of a pixel at what it shows (H, W), [m/px].
+        longest: An object is no longer, [m].
+        rest: Of `ObjectsConfig`.
+    """
+    objects: list[Mask] = []
+    for part in sorted(parts, key=np.count_nonzero, reverse=True):
+        for k, one in enumerate(objects):
+            both = one | part
+            _, radius = cv2.minEnclosingCircle(cv2.findNonZero(both.astype(np.uint8)))
+            is_rest = np.count_nonzero(part) <= rest * np.count_nonzero(one)
+            if is_rest and 2.0 * radius * np.median(scale[both]) <= longest:
+                objects[k] = both
+                break
+        else:
+            objects.append(part)
+    return objects
 
 
 def covered_share(mask: Mask, others: Mask, depth: Array, step: float) -> float:

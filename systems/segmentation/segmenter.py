@@ -25,7 +25,7 @@ from crossmodal.systems.port_values import (
     StampedImage,
 )
 from crossmodal.systems.recursive_filter import RecursiveFilter
-from crossmodal.systems.segmentation.network_input import network_input
+from crossmodal.systems.segmentation.network_input import TRANSPARENT, network_input
 from crossmodal.systems.segmentation.objects import (
     ObjectsConfig,
     SeenObject,
@@ -84,13 +84,22 @@ class View:
     table: float
 
 
-def objects_in(view: View, network: OnnxNetwork, config: ObjectsConfig) -> list[SeenObject]:
-    """All objects that an image shows, whether on the table or not."""
+def objects_in(
+    view: View, network: OnnxNetwork, lengths: Mapping[str, float], config: ObjectsConfig
+) -> list[SeenObject]:
+    """All objects that an image shows, whether on the table or not.
+
+    Args:
+        view: Of the table.
+        network: Of the segmentation.
+        lengths: Of `seen_objects`.
+        config: Of objects.
+    """
     camera, X_WC, table = view.intrinsics, view.X_WC, view.table
     x = network_input(view.colour, view.depth, view.masked, camera, X_WC, table)
     classes = class_probabilities(network, x, view.depth.shape).argmax(axis=0)
     heights = camera.heights(view.depth, X_WC, table)
-    return seen_objects(classes, view.depth, heights, view.masked, config)
+    return seen_objects(classes, view.depth, heights, view.masked, camera.focal_x, lengths, config)
 
 
 def segments_in(
@@ -159,7 +168,7 @@ class Segmenter(RecursiveFilter):
         intrinsics: Of the images, as believed.
         table: z of the table's plane in W, as believed, [m].
         region: Of the table in W, outside of which nothing is looked for, [m].
-        glass: Greatest heights of the classes that a depth camera looks through, [m].
+        edges: Of the bounding boxes of objects of the classes (3,), by the classes' names, [m].
         config: Of objects.
         period: Of the ticks, [s].
 
@@ -173,7 +182,7 @@ class Segmenter(RecursiveFilter):
         intrinsics: Intrinsics,
         table: float,
         region: shapely.Polygon,
-        glass: Mapping[str, float],
+        edges: Mapping[str, Array],
         config: SegmenterConfig,
         period: float,
     ) -> None:
@@ -181,7 +190,9 @@ class Segmenter(RecursiveFilter):
         check(config, "Segmenter")
         self._network, self._config = network, config
         self._intrinsics, self._table, self._region = intrinsics, table, region
-        self._glass = glass
+        self._lengths = {name: float(np.linalg.norm(own)) for name, own in edges.items()}
+        # As high as they can be.
+        self._glass = {name: float(edges[name].max()) for name in TRANSPARENT if name in edges}
         self._colour, self._depth = (
             self._declare_value_input(name, StampedImage(time=0.0, image=kind()))
             for name, kind in (("color_measured", ImageRgba8U), ("depth_measured", ImageDepth32F))
@@ -201,7 +212,7 @@ class Segmenter(RecursiveFilter):
         view = self._view(context, image)
         seen, masks = segments_in(
             view,
-            objects_in(view, self._network, self._config.objects),
+            objects_in(view, self._network, self._lengths, self._config.objects),
             self._region,
             self._glass,
         )

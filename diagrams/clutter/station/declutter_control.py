@@ -25,7 +25,7 @@ from crossmodal.systems.declutter.declutter_sequence import DeclutterSequence
 from crossmodal.systems.grasping.grasp_planner import GraspPlanner
 from crossmodal.systems.port_values import ViewRequest
 from crossmodal.systems.pose.target_model import TargetModel
-from crossmodal.systems.segmentation.network_input import TRANSPARENT
+from crossmodal.systems.segmentation.network_input import CLASSES, OTHER
 from crossmodal.systems.segmentation.objects import load_network
 from crossmodal.systems.segmentation.segmenter import Segmenter
 
@@ -80,7 +80,7 @@ def add_declutter_control(
             camera.intrinsics,
             height,
             region.buffer(scenario.sequence.around.beyond, join_style="mitre"),
-            {name: float(np.ptp(mesh_vertices(name), axis=0).max()) for name in TRANSPARENT},
+            {name: np.ptp(mesh_vertices(name), axis=0) for name in CLASSES[1:] if name != OTHER},
             perception.segmenter,
             period,
         ),

@@ -29,9 +29,11 @@ class Scene:
         self.heights[rows, columns] = height
         return self
 
-    def objects(self) -> list[SeenObject]:
+    def objects(self, **lengths: float) -> list[SeenObject]:
         depth = CAMERA_HEIGHT - self.heights
-        return seen_objects(self.classes, depth, self.heights, self.masked, ObjectsConfig())
+        return seen_objects(
+            self.classes, depth, self.heights, self.masked, 300.0, lengths, ObjectsConfig()
+        )
 
 
 def names(found: list[SeenObject]) -> list[str]:
@@ -94,6 +96,16 @@ def test_what_lies_on_both_sides_of_something_lower_is_two_objects() -> None:
     scene = Scene().add(SPONGE, np.s_[20:60], np.s_[20:100], 0.03)
     scene.add(CAN, np.s_[10:70], np.s_[50:60], 0.01)
     assert names(scene.objects()) == ["can", "sponge", "sponge"]
+
+
+def test_a_small_part_belongs_to_a_large_one_if_both_fit_into_one_object() -> None:
+    scene = Scene().add(SPONGE, np.s_[20:60], np.s_[20:60], 0.03)
+    scene.add(SPONGE, np.s_[20:30], np.s_[70:80], 0.03)  # 6 by 4 cm in all, with table between.
+    scene.add(SPONGE, np.s_[20:60], np.s_[100:140], 0.03)
+    assert names(scene.objects(sponge=0.15)) == ["sponge", "sponge"]
+    far = Scene().add(SPONGE, np.s_[20:60], np.s_[20:60], 0.03)
+    far.add(SPONGE, np.s_[20:30], np.s_[170:180], 0.03)
+    assert names(far.objects(sponge=0.15)) == ["sponge", "sponge"]
 
 
 def test_the_class_of_unknown_objects_has_no_name() -> None:

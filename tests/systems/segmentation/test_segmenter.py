@@ -26,22 +26,26 @@ REGION = shapely.box(0.3, -0.2, 0.7, 0.2)
 RED = np.array([255, 0, 0], np.uint8)
 
 
-class RedIsCan:
-    """A network that takes red for a can."""
+class Red:
+    """A network that takes red for things of a class."""
+
+    def __init__(self, name: str) -> None:
+        self.index = CLASSES.index(name)
 
     def __call__(self, x: np.ndarray) -> np.ndarray:
         logits = np.zeros((1, len(CLASSES), 120, 160), np.float32)
         logits[0, 0] = 5.0
-        logits[0, CLASSES.index("can")] = 10.0 * (x[0, 0] > x[0, 1] + 0.5)[::2, ::2]
+        logits[0, self.index] = 10.0 * (x[0, 0] > x[0, 1] + 0.5)[::2, ::2]
         return logits
 
 
 class Rig:
     """A segmenter and what it is given."""
 
-    def __init__(self, **glass: float) -> None:
-        network: Any = RedIsCan()
-        self.system = Segmenter(network, CAMERA, TABLE, REGION, glass, SegmenterConfig(), 0.1)
+    def __init__(self, name: str = "can") -> None:
+        network: Any = Red(name)
+        edges = {name: np.array([0.08, 0.08, 0.2])}
+        self.system = Segmenter(network, CAMERA, TABLE, REGION, edges, SegmenterConfig(), 0.1)
         self.context: Context = self.system.CreateDefaultContext()
 
     def look(
@@ -92,12 +96,12 @@ def test_an_object_is_where_its_rays_meet_its_height(rig: Rig) -> None:
 
 
 def test_glass_is_as_high_as_it_can_be_whatever_depth_says() -> None:
-    rig = Rig(can=0.2)
-    (can,) = rig.look(1, [(104, 144)]).segments
-    assert can.top == 0.2
+    rig = Rig("wineglass")
+    (glass,) = rig.look(1, [(104, 144)]).segments
+    assert glass.top == 0.2
     # It is outlined at half of that.
-    assert_allclose(can.centroid, [0.5 - 0.5 / 288, 0.5 / 288], atol=1e-3)
-    assert_allclose(can.contour.area, (30 * 0.5 / 288) ** 2, rtol=0.05)
+    assert_allclose(glass.centroid, [0.5 - 0.5 / 288, 0.5 / 288], atol=1e-3)
+    assert_allclose(glass.contour.area, (30 * 0.5 / 288) ** 2, rtol=0.05)
     assert rig.masks().glass == {0: 0.2}
 
 
@@ -158,6 +162,6 @@ def test_ports_are_those_documented(rig: Rig) -> None:
 
 
 def test_impossible_values_are_refused() -> None:
-    network: Any = RedIsCan()
+    network: Any = Red("can")
     with pytest.raises(ValueError, match="reach"):
         Segmenter(network, CAMERA, TABLE, REGION, {}, SegmenterConfig(reach=-1.0), 0.1)

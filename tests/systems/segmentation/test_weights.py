@@ -65,7 +65,7 @@ def test_the_mean_iou_of_what_is_shown_is_what_it_was(name: str, score: float) -
 
 def test_goods_and_unknown_objects_stand_where_they_stand() -> None:
     view, labels = sample("dropped")
-    found = objects_in(view, load_network(), ObjectsConfig())
+    found = objects_in(view, load_network(), {}, ObjectsConfig())
     segments, masks = segments_in(view, found, EVERYWHERE, {})
     for name in ("cleaner", "oil", "spray"):
         true = labels == CLASSES.index(name)

@@ -63,10 +63,10 @@ def test_a_box_is_grasped_across_at_its_middle(network: OnnxNetwork, tilt: float
     assert np.linalg.det(R) == pytest.approx(1.0)
     assert_allclose(R[:, 2], [0.0, 0.0, -1.0])
     assert abs(R[:, 0] @ [-np.sin(ANGLE), np.cos(ANGLE), 0.0]) > np.cos(np.deg2rad(12.0))
-    assert_allclose(p[:2], BOX.middle, atol=0.045)  # On the inner two thirds of it.
+    assert_allclose(p[:2], BOX.middle, atol=0.02)
     assert p[2] == pytest.approx(TABLE + 0.015, abs=1e-6)
     assert BOX.size[1] + 0.005 < best.width < BOX.size[1] + 0.03
-    assert best.quality > 2.0 * CONFIG.least_quality
+    assert best.quality > 0.3
 
 
 def test_a_high_wall_beside_it_is_in_the_way_and_a_low_one_is_stayed_above(
@@ -110,7 +110,7 @@ def test_each_new_image_has_its_grasps_and_an_old_one_is_left_alone(planner: Gra
     assert grasps_at(planner, context, other) is first
     second = grasps_at(planner, context, replace(other, number=2))
     assert second.number == 2
-    assert_allclose(second.grasps[0][0].X_WE[:2, 3], 0.0, atol=0.045)
+    assert_allclose(second.grasps[0][0].X_WE[:2, 3], 0.0, atol=0.02)
 
 
 def test_before_the_first_image_there_are_no_grasps(planner: GraspPlanner) -> None:

@@ -1,10 +1,10 @@
-"""Networks that map images to images, from ONNX files, run by OpenCV: PyTorch only trains them."""
+"""Networks that map images to images, from ONNX files: PyTorch only trains them."""
 
 from pathlib import Path
 
-import cv2
 import numpy as np
 import numpy.typing as npt
+import onnxruntime
 
 Images = npt.NDArray[np.float32]
 
@@ -14,8 +14,7 @@ class OnnxNetwork:
 
     Args:
         path: Of the file.
-        shape: Channels, height and width (C, H, W) of the images that it is for; OpenCV does not
-            say what the file was made for.
+        shape: Channels, height and width (C, H, W) of the images that it is for.
 
     Raises:
         FileNotFoundError: where there is no such file.
@@ -26,10 +25,15 @@ class OnnxNetwork:
         if not path.is_file():
             raise FileNotFoundError(f"{path}: there is no such file of a network")
         self._path, self._shape = path, shape
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads = 1  # Sums are the same on machines of any number of cores.
         try:
-            self._network = cv2.dnn.readNetFromONNX(str(path))
+            self._session = onnxruntime.InferenceSession(
+                path.read_bytes(), options, providers=["CPUExecutionProvider"]
+            )
+            (self._input,) = self._session.get_inputs()
             self(np.zeros((1, *shape), np.float32))
-        except cv2.error as error:
+        except Exception as error:  # ONNX Runtime has no common class of its errors.
             raise ValueError(f"{path}: no network for images of the shape {shape}") from error
 
     def __call__(self, x: Images) -> Images:
@@ -40,8 +44,6 @@ class OnnxNetwork:
         """
         if x.ndim != 4 or x.shape[1:] != self._shape or len(x) == 0:
             raise ValueError(f"{self._path.name}: need images (N, *{self._shape}), got {x.shape}")
-        found = []
-        for image in x:
-            self._network.setInput(np.ascontiguousarray(image[None], np.float32))
-            found.append(self._network.forward().copy())
-        return np.concatenate(found)
+        images = np.ascontiguousarray(x, np.float32)
+        each = [self._session.run(None, {self._input.name: image[None]})[0] for image in images]
+        return np.concatenate(each)

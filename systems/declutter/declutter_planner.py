@@ -22,6 +22,8 @@ from crossmodal.systems.recursive_filter import RecursiveFilter
 class DeclutterPlanner(RecursiveFilter):
     """Makes the declutter graph whenever a new image has been segmented.
 
+    Once the target was seen, it is the root of all graphs to come: where it was, if it is hidden.
+
     Input ports:
     - `segments`: `Segments`, all objects in the last image, whose number tells that it is new;
       places in W, [m].
@@ -67,4 +69,6 @@ class DeclutterPlanner(RecursiveFilter):
             return before
         grasps = found or NO_GRASPS
         qualities = {number: grasps.best(number) for number in grasps.grasps}
-        return declutter_graph(scene, self._target, qualities, tries or NO_TRIES, self._config)
+        remembered = before.vertices[0].segment if before.vertices else None
+        failed = tries or NO_TRIES
+        return declutter_graph(scene, self._target, qualities, failed, self._config, remembered)

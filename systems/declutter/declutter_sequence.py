@@ -43,6 +43,7 @@ LEFT_ALONE = "nothing is to be taken away"
 TOO_MANY = "as many actions as are allowed"
 UNREACHABLE = "unreachable"  # An outcome of an arm: it has not moved.
 BLOCKED = "blocked"  # Another one: something was in its way.
+_CENTRED = 2  # How often the camera is moved aside between two actions.
 NO_VIEW_LEFT = "the camera gets to no view of the table"
 
 
@@ -79,6 +80,9 @@ class SequenceState(Immutable):
         phase: What is done.
         view: That is wanted.
         place: Index of the place from which the table is looked at.
+        middle: Of what is looked at (2,), in W, [m]; empty for the middle of the table.
+        centred: How often the camera was moved aside since the last action, to see what the image's
+            border had cut off.
         looks: How often it was looked at.
         unseen: From how many places in a row the target was not seen.
         sides: From how many it was looked since the last action, because what is to be taken away
@@ -96,6 +100,8 @@ class SequenceState(Immutable):
     phase: DeclutterPhase = DeclutterPhase.LOOK
     view: ViewRequest = NO_VIEW
     place: int = 0
+    middle: Array = field(default_factory=lambda: np.zeros(0))
+    centred: int = 0
     looks: int = 0
     unseen: int = 0
     sides: int = 0
@@ -241,6 +247,8 @@ class DeclutterSequence(RecursiveFilter):
         if state.looks == 0:
             return self._look(state)
         if self._read(self._unreachable, context)[0] == state.view.number:
+            if len(state.middle):
+                return self._look(replace(state, middle=np.zeros(0), centred=_CENTRED))
             return self._look_elsewhere(state, NO_VIEW_LEFT)
         scene: Segments = self._read(self._segments, context)
         if scene.number > state.scene.number:
@@ -251,7 +259,9 @@ class DeclutterSequence(RecursiveFilter):
         return state
 
     def _look(self, state: SequenceState) -> SequenceState:
-        number, X_WC = state.looks + 1, self._places[state.place]
+        number, X_WC = state.looks + 1, self._places[state.place].copy()
+        if len(state.middle):
+            X_WC[:2, 3] += state.middle - self._table.X_WB[:2, 3]
         view = replace(self._table, number=number, X_WC=X_WC)
         return replace(state, phase=DeclutterPhase.LOOK, looks=number, view=view)
 
@@ -263,6 +273,18 @@ class DeclutterSequence(RecursiveFilter):
 
     def _look_from_next(self, state: SequenceState) -> SequenceState:
         return self._look(replace(state, place=(state.place + 1) % len(self._places)))
+
+    def _centred(self, state: SequenceState) -> SequenceState | None:
+        """Moves the camera over the middle of all objects if its image cuts one off."""
+        segments = state.scene.segments
+        if state.centred == _CENTRED or not any(segment.is_cut for segment in segments):
+            return None
+        x, y, right, up = shapely.total_bounds([segment.contour for segment in segments])
+        middle = 0.5 * np.array([x + right, y + up])
+        before = state.middle if len(state.middle) else self._table.X_WB[:2, 3]
+        if np.linalg.norm(middle - before) < self._config.moved:
+            return None
+        return self._look(replace(state, middle=middle, centred=state.centred + 1))
 
     def _judged(self, state: SequenceState, scene: Segments) -> SequenceState:
         """With what the last action, if there was one, has done."""
@@ -282,10 +304,14 @@ class DeclutterSequence(RecursiveFilter):
     def _decide(
         self, context: Context, state: SequenceState, graph: DeclutterGraph
     ) -> SequenceState:
+        centred = self._centred(state)
+        if centred is not None:
+            return centred
         target = state.scene.largest(self._target)
-        if target is None:
+        if target is not None:
+            state = replace(state, unseen=0)
+        elif not graph.vertices or graph.next < 0 or state.unseen + 1 < len(self._places):
             return self._look_elsewhere(state, NO_TARGET)
-        state = replace(state, unseen=0)
         if not self._config.clear:
             return self._ended(state, LEFT_ALONE, target)
         if graph.next < 0:
@@ -295,7 +321,8 @@ class DeclutterSequence(RecursiveFilter):
         vertex = graph.vertex(graph.next)
         if vertex.segment.covered > self._config.covered and state.sides + 1 < len(self._places):
             return self._look_from_next(replace(state, sides=state.sides + 1))
-        others = [s for s in state.scene.segments if s.number != graph.next]
+        segments = [*(vertex.segment for vertex in graph.vertices), *graph.apart]
+        others = [segment for segment in segments if segment.number != graph.next]
         grasps: Grasps = self._read(self._grasps, context)
         found = grasps.grasps.get(graph.next, ())
         action = vertex.action or DeclutterAction.PUSH
@@ -307,11 +334,15 @@ class DeclutterSequence(RecursiveFilter):
             object=graph.next,
             grasps=found[failed:] or found if is_grasp else (),
             pushes=graph.pushes[failed:] or graph.pushes,
-            places=free_places(vertex.segment, others, target, self._config.around),
+            places=free_places(
+                vertex.segment, others, graph.vertices[0].segment, self._config.around
+            ),
             top=vertex.segment.top,
             obstacles=boxes_around(others, self._height, self._config.around),
         )
-        return replace(state, phase=DeclutterPhase.CLEAR, request=request, sides=0)
+        return replace(
+            state, phase=DeclutterPhase.CLEAR, request=request, sides=0, unseen=0, centred=0
+        )
 
     def _ended(self, state: SequenceState, why: str, target: Segment | None) -> SequenceState:
         """Lets the pose be sought, if the target was seen."""

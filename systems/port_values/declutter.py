@@ -43,6 +43,7 @@ class Segment(Immutable):
         top: Height of the object above the table, [m]; NaN where it is not known.
         is_glass: Whether a depth camera looks through it; the top is the greatest possible, then.
         covered: Share of its outline in the image along which another object is before it, 0 to 1.
+        is_cut: Whether the image's border cuts it off.
 
     Raises:
         ValueError: for a contour without an area and for one that crosses itself.
@@ -55,6 +56,7 @@ class Segment(Immutable):
     top: float = np.nan
     is_glass: bool = False
     covered: float = 0.0
+    is_cut: bool = False
 
     def __post_init__(self) -> None:
         if not (self.contour.is_valid and self.contour.area > 0.0):

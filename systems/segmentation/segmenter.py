@@ -139,7 +139,11 @@ def segments_in(
         if not highest:
             covered = covered_share(one.mask, solid & ~one.mask, view.depth, _BEFORE)
         segment = replace(
-            segment, top=highest or segment.top, is_glass=bool(highest), covered=covered
+            segment,
+            top=highest or segment.top,
+            is_glass=bool(highest),
+            covered=covered,
+            is_cut=bool(one.mask[[0, -1]].any() or one.mask[:, [0, -1]].any()),
         )
         if region.contains(segment.contour.centroid):
             kept.append((segment, one.mask))

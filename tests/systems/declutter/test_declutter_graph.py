@@ -208,7 +208,7 @@ def test_taking_away_what_is_next_frees_the_target() -> None:
 
 def test_a_good_grasp_is_a_grasp_and_a_bad_one_a_push() -> None:
     scene = row(0.0, 0.05, 0.15, -0.05, -0.15)
-    graph = graph_of(*scene, qualities={1: 0.1, 2: 0.0999, 3: 7.0, 4: np.nan})
+    graph = graph_of(*scene, qualities={1: 0.5, 2: 0.4999, 3: 7.0, 4: np.nan})
     actions = {v.segment.number: v.action for v in graph.vertices}
     assert actions == {0: None, 1: GRASP, 2: PUSH, 3: GRASP, 4: PUSH}
 

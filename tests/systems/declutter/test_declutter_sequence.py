@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import InputPortIndex, OutputPortIndex
 from shapely.affinity import translate
@@ -59,6 +60,8 @@ class Robot:
         graspable: Numbers of objects that have grasps.
         hidden: By the index of the place of the camera, objects that it does not show.
         blind: Index of the places that the camera does not get to.
+        edge: What is farther from below the camera is cut by the image's border, [m].
+        reach: The camera does not get farther aside, [m].
     """
 
     objects: dict[int, Segment]
@@ -66,6 +69,8 @@ class Robot:
     graspable: tuple[int, ...] = ()
     hidden: dict[int, tuple[int, ...]] = field(default_factory=dict)
     blind: tuple[int, ...] = ()
+    edge: float = np.inf
+    reach: float = np.inf
     config: DeclutterSequenceConfig = field(default_factory=DeclutterSequenceConfig)
 
     def __post_init__(self) -> None:
@@ -107,12 +112,19 @@ class Robot:
         self.system.ExecuteForcedEvents(self.context)
 
     def look(self, view: ViewRequest) -> None:
-        place = next(k for k, X_WC in enumerate(PLACES) if np.array_equal(X_WC, view.X_WC))
+        place = next(
+            k for k, X_WC in enumerate(PLACES) if np.array_equal(X_WC[:3, :3], view.X_WC[:3, :3])
+        )
         self.views.append(view)
-        if place in self.blind:
+        p_WC = view.X_WC[:2, 3]
+        if place in self.blind or np.linalg.norm(p_WC) > self.reach:
             self.system.GetInputPort("unreachable").FixValue(self.context, [float(view.number)])
             return
-        shown = [s for n, s in self.objects.items() if n not in self.hidden.get(place, ())]
+        shown = [
+            replace(s, is_cut=bool(np.linalg.norm(s.centroid - p_WC) > self.edge))
+            for n, s in self.objects.items()
+            if n not in self.hidden.get(place, ())
+        ]
         self.fix("segments", image(*shown, number=view.number))
         grasp = Grasp(X_WE=np.eye(4), width=0.05, quality=0.9)
         grasps = {n: (grasp, replace(grasp, quality=0.5)) for n in self.graspable}
@@ -294,6 +306,27 @@ def test_without_a_target_in_any_view_it_ends_and_says_so() -> None:
     assert robot.read("pose_guess") is NO_PRIOR
 
 
+class Confused(Robot):
+    """After the first action its images show something else in the target's place, or nothing."""
+
+    instead: str = ""
+
+    def act(self, request: ActionRequest) -> None:
+        super().act(request)
+        target = self.objects.pop(0, None)
+        if self.instead and target is not None:
+            self.objects[7] = replace(target, number=7, name=self.instead)
+
+
+@pytest.mark.parametrize("instead", ["", "sponge"])
+def test_a_target_that_is_not_seen_any_more_is_where_it_was(instead: str) -> None:
+    robot = Confused(row("wineglass", "can", "can"))
+    robot.instead = instead
+    robot.run()
+    assert [request.object for request in robot.requests] == [2, 1]
+    assert (robot.progress.found, robot.progress.why) == (False, NO_TARGET)
+
+
 @pytest.mark.parametrize(("blind", "views", "why"), [((0,), 2, ""), ((0, 1), 2, NO_VIEW_LEFT)])
 def test_places_that_the_camera_does_not_get_to(
     blind: tuple[int, ...], views: int, why: str
@@ -334,3 +367,15 @@ def test_an_object_of_which_more_is_seen_has_not_moved() -> None:
     assert displacement(1, image(part), image(whole)) == 0.0
     assert displacement(1, image(whole), image(part)) == pytest.approx(0.02)
     assert displacement(1, image(whole), image()) == np.inf
+
+
+@pytest.mark.parametrize("reach", [np.inf, 0.05])
+def test_the_camera_goes_over_all_objects_where_its_image_cuts_one_off(reach: float) -> None:
+    objects = {0: rectangle(0, "wineglass", (0.2, 0.0)), 1: rectangle(1, "can", (0.25, 0.0))}
+    robot = Robot(objects, edge=0.15, reach=reach).run()
+    assert robot.progress.done
+    assert robot.requests
+    places = np.array([view.X_WC[:2, 3] for view in robot.views])
+    assert_allclose(places[:2], [[0.0, 0.0], [0.225, 0.0]], atol=1e-9)
+    if np.isfinite(reach):  # It goes on with what it can see.
+        assert_allclose(places[2], 0.0)

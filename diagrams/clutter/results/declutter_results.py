@@ -165,6 +165,12 @@ def declutter_metrics() -> list[Metric]:
         clutter = summary["clutter"]
         return bool((clutter["target_moved"] or 0.0) > _MOVED and not clutter["target_noticed"])
 
+    def noticed_wrongly(summary: Mapping[str, Any]) -> bool | None:
+        clutter = summary["clutter"]
+        if clutter["target_moved"] is None:
+            return None
+        return bool(clutter["target_noticed"] and clutter["target_moved"] < 0.5 * _MOVED)
+
     return [
         Metric(
             name=f"{kind}_success",
@@ -201,6 +207,13 @@ def declutter_metrics() -> list[Metric]:
             value=unnoticed,
             by_estimator=False,
             title="target moved by more than 2 cm, and no image showed it",
+            cell=mean_share,
+        ),
+        Metric(
+            name="noticed_wrongly",
+            value=noticed_wrongly,
+            by_estimator=False,
+            title="target said to have moved, but it has by less than 1 cm",
             cell=mean_share,
         ),
     ]

@@ -131,6 +131,7 @@ def test_metrics_count_what_was_begun(record: EpisodeRecord) -> None:
         "is_free": True,
         "hidden_above": 0.4,
         "moved_unnoticed": False,
+        "noticed_wrongly": False,
     }
 
 

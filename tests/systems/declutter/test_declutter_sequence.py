@@ -366,6 +366,12 @@ def test_an_object_of_which_more_is_seen_has_not_moved() -> None:
     whole, part = rectangle(1, "can", (0.5, 0.0)), rectangle(1, "can", (0.49, 0.0), (0.02, 0.04))
     assert displacement(1, image(part), image(whole)) == 0.0
     assert displacement(1, image(whole), image(part)) == pytest.approx(0.02)
+    moved = replace(part, contour=translate(part.contour, 0.05, 0.0))
+    assert displacement(1, image(part), image(moved)) > 0.03
+    box = rectangle(1, "can", (0.5, 0.0), (0.1, 0.1))
+    spike = rectangle(1, "can", (0.5, 0.06), (0.005, 0.04)).contour
+    noisy = replace(box, contour=box.contour.union(spike))
+    assert displacement(1, image(noisy), image(box)) == 0.0
     assert displacement(1, image(whole), image()) == np.inf
 
 

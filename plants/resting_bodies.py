@@ -31,8 +31,9 @@ from crossmodal.maths.arrays import Array, Mask
 _PERIOD = 0.02  # Between two looks, [s].
 _ACCELERATION = 20.0  # Of a robot that starts, and of what falls, at most, [m/s²].
 # What moves by less in this time rests. A fall begins as exp(t sqrt(g / h)), so that of a body of
-# 10 cm grows 150-fold in it. Friction that is simulated creeps by as much as half of this.
-_TIME, _MOTION = 0.5, 2.5e-4  # [s], [m]
+# 10 cm grows 150-fold in it. Friction that is simulated creeps by up to a fifth of this in a heap.
+_TIME, _MOTION = 0.5, 1e-3  # [s], [m]
+_CREEP = 1e-4  # By which one that alone is free may creep before another one is, [m].
 _TOUCHING = 1e-3  # Largest distance of bodies that may press on each other, [m].
 
 
@@ -79,6 +80,9 @@ class RestingBodies:
         # Since when, and where, each has not moved.
         self._since, self._at = np.full(count, -np.inf), list[RigidTransform]()
         self._next = -np.inf
+        # Which one alone was free last, from where, and which have crept then.
+        self._alone, self._from = -1, RigidTransform()
+        self._creeps = np.zeros(count, bool)
 
     def after_step(self, root: Context) -> None:
         """Locks what rests and frees what may be met. A monitor of the simulation.
@@ -95,9 +99,7 @@ class RestingBodies:
         speeds = self._speeds(context)
         self._at = self._at or poses
         for k, X_WB in enumerate(poses):
-            X = self._at[k].inverse() @ X_WB
-            turn = abs(X.rotation().ToAngleAxis().angle())
-            if np.linalg.norm(X.translation()) + turn * self._radii[k] > _MOTION:
+            if self._moved(k, self._at[k], X_WB) > _MOTION:
                 self._at[k], self._since[k] = X_WB, time
         moves = speeds[:count] > _MOTION / _TIME
         disturbed = self._met(root, speeds, moves) | moves
@@ -106,13 +108,30 @@ class RestingBodies:
         # The solver's tolerance is relative to the momenta. With arms at rest that bear no weight
         # there would be none at all, and it would not converge. The cheapest one is free, then.
         if not awake.any():
-            awake[self._cheapest()] = True
+            awake[self._cheapest(poses)] = True
         self._lock(root, ~awake)
 
-    def _cheapest(self) -> int:
-        """The body that costs least while it is free: fewest touch it, it has fewest shapes."""
-        last = -np.arange(len(self._bodies))
-        return int(np.lexsort([last, self._shapes, self._touching.sum(axis=0)])[0])
+    def _moved(self, k: int, X: RigidTransform, Y: RigidTransform) -> float:
+        """How far no point of a body has gone from one pose to another, [m]."""
+        change = X.inverse() @ Y
+        turn = abs(change.rotation().ToAngleAxis().angle())
+        return float(np.linalg.norm(change.translation()) + turn * self._radii[k])
+
+    def _cheapest(self, poses: Sequence[RigidTransform]) -> int:
+        """The body that costs least while it is free: fewest touch it, it has fewest shapes.
+
+        One that has crept so comes last, until all have.
+        """
+        k = self._alone
+        if k >= 0 and self._moved(k, self._from, poses[k]) > _CREEP:
+            self._creeps[k] = True
+        if self._creeps.all():
+            self._creeps[:] = False
+        last, touching = -np.arange(len(self._bodies)), self._touching.sum(axis=0)
+        chosen = int(np.lexsort([last, self._shapes, touching, self._creeps])[0])
+        if chosen != k:
+            self._alone, self._from = chosen, poses[chosen]
+        return chosen
 
     def _speeds(self, context: Context) -> Array:
         """Largest speeds of the points of each moving body, ours first, [m/s]."""

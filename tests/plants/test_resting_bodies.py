@@ -152,3 +152,28 @@ def test_bodies_move_as_without_locks(locking: Ran, free: Ran) -> None:
     assert free.place("beside")[-1, 0] - free.place("beside")[0, 0] > 0.04
     assert not free.locked.any()
     np.testing.assert_allclose(locking.places, free.places, atol=2e-4)
+
+
+def test_no_body_creeps_on_and_on_because_it_alone_is_free() -> None:
+    """On a slope friction that is simulated lets all of them creep by .6 mm/s."""
+    builder = DiagramBuilder()
+    plant: MultibodyPlant
+    config = MultibodyPlantConfig(
+        time_step=0.0025, discrete_contact_approximation="lagged", stiction_tolerance=1e-3
+    )
+    plant, scene_graph = AddMultibodyPlant(config, builder)
+    (model,) = make_parser(plant).AddModelsFromString(_scene(), "sdf")
+    plant.mutable_gravity_field().set_gravity_vector(9.81 * np.array([0.0, 0.3, -0.95]))
+    plant.Finalize()
+    simulator = Simulator(builder.Build())
+    context = plant.GetMyContextFromRoot(simulator.get_mutable_context())
+    plant.get_desired_state_input_port(model).FixValue(
+        plant.GetMyMutableContextFromRoot(simulator.get_mutable_context()), np.zeros(2)
+    )
+    bodies = [plant.GetBodyByName(name) for name in PLACES]
+    simulator.set_monitor(RestingBodies(plant, scene_graph, bodies).after_step)
+    simulator.AdvanceTo(2.0)
+    p = [body.EvalPoseInWorld(context).translation() for body in bodies]
+    moved = np.linalg.norm(np.array(p) - [*PLACES.values()], axis=1)
+    assert moved.max() < 4e-4
+    assert moved.sum() > 8e-4  # They do creep.

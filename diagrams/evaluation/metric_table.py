@@ -147,6 +147,12 @@ def mean_share(values: npt.ArrayLike, unit: str = "") -> str:
     return f"{100.0 * np.mean(known):.0f} %" if len(known) else "-"
 
 
+def total(values: npt.ArrayLike, unit: str = "") -> str:
+    """Sum over the episodes that have one."""
+    known, _ = _known(values)
+    return f"{np.sum(known):.0f}" if len(known) else "-"
+
+
 def milliseconds(values: npt.ArrayLike, unit: str) -> str:
     """Median and range of times in seconds, written in milliseconds."""
     known, _ = _known(values)

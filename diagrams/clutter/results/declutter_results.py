@@ -148,7 +148,7 @@ def _picture(graph: DeclutterGraph, masks: ObjectMasks | None, title: str) -> "F
 
 def declutter_metrics() -> list[Metric]:
     """Of an episode, for the tables of evaluations."""
-    from crossmodal.diagrams.evaluation.metric_table import mean_and_deviation, mean_share
+    from crossmodal.diagrams.evaluation.metric_table import mean_and_deviation, mean_share, total
 
     def share(kind: DeclutterAction) -> Callable[[Mapping[str, Any]], float | None]:
         def value(summary: Mapping[str, Any]) -> float | None:
@@ -156,6 +156,14 @@ def declutter_metrics() -> list[Metric]:
             return float(np.mean(done)) if done else None
 
         return value
+
+    def count(kind: DeclutterAction) -> Callable[[Mapping[str, Any]], float]:
+        return lambda summary: float(sum(a["kind"] == kind for a in _begun(summary)))
+
+    def done(kind: DeclutterAction) -> Callable[[Mapping[str, Any]], float]:
+        return lambda summary: float(
+            sum(a["success"] for a in _begun(summary) if a["kind"] == kind)
+        )
 
     def actions_per_object(summary: Mapping[str, Any]) -> float | None:
         count = summary["clutter"]["in_the_way"]
@@ -171,52 +179,69 @@ def declutter_metrics() -> list[Metric]:
             return None
         return bool(clutter["target_noticed"] and clutter["target_moved"] < 0.5 * _MOVED)
 
-    return [
-        Metric(
-            name=f"{kind}_success",
-            value=share(kind),
-            by_estimator=False,
-            title=_TITLES[kind],
-            cell=mean_share,
-        )
-        for kind in DeclutterAction
-    ] + [
-        Metric(
-            name="actions_per_object",
-            value=actions_per_object,
-            by_estimator=False,
-            title="actions for each object that was in the way",
-            cell=mean_and_deviation,
-        ),
-        Metric(
-            name="is_free",
-            value=lambda summary: summary["clutter"]["is_free"],
-            by_estimator=False,
-            title="nothing in the way any more",
-            cell=mean_share,
-        ),
-        Metric(
-            name="hidden_above",
-            value=lambda summary: (summary["clutter"]["density"] or {}).get("hidden_above"),
-            by_estimator=False,
-            title="share of the target that was hidden from above",
-            cell=mean_and_deviation,
-        ),
-        Metric(
-            name="moved_unnoticed",
-            value=unnoticed,
-            by_estimator=False,
-            title="target moved by more than 2 cm, and no image showed it",
-            cell=mean_share,
-        ),
-        Metric(
-            name="noticed_wrongly",
-            value=noticed_wrongly,
-            by_estimator=False,
-            title="target said to have moved, but it has by less than 1 cm",
-            cell=mean_share,
-        ),
-    ]
+    return (
+        [
+            Metric(
+                name=f"{kind}_success",
+                value=share(kind),
+                by_estimator=False,
+                title=_TITLES[kind],
+                cell=mean_share,
+            )
+            for kind in DeclutterAction
+        ]
+        + [
+            Metric(
+                name=f"{kind}_{name}",
+                value=value(kind),
+                by_estimator=False,
+                title=title,
+                cell=total,
+            )
+            for kind in DeclutterAction
+            for name, value, title in (
+                ("count", count, f"{kind} actions that were begun, all scenes together"),
+                ("done", done, "of these, those that did"),
+            )
+        ]
+        + [
+            Metric(
+                name="actions_per_object",
+                value=actions_per_object,
+                by_estimator=False,
+                title="actions for each object that was in the way",
+                cell=mean_and_deviation,
+            ),
+            Metric(
+                name="is_free",
+                value=lambda summary: summary["clutter"]["is_free"],
+                by_estimator=False,
+                title="nothing in the way any more",
+                cell=mean_share,
+            ),
+            Metric(
+                name="hidden_above",
+                value=lambda summary: (summary["clutter"]["density"] or {}).get("hidden_above"),
+                by_estimator=False,
+                title="share of the target that was hidden from above",
+                cell=mean_and_deviation,
+            ),
+            Metric(
+                name="moved_unnoticed",
+                value=unnoticed,
+                by_estimator=False,
+                title="target moved by more than 2 cm, and no image showed it",
+                cell=mean_share,
+            ),
+            Metric(
+                name="noticed_wrongly",
+                value=noticed_wrongly,
+                by_estimator=False,
+                title="target said to have moved, but it has by less than 1 cm",
+                cell=mean_share,
+            ),
+        ]
+    )
 
 
 def _begun(summary: Mapping[str, Any]) -> list[Mapping[str, Any]]:

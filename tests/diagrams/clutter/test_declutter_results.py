@@ -127,6 +127,10 @@ def test_metrics_count_what_was_begun(record: EpisodeRecord) -> None:
     assert values == {
         "grasp_success": 0.5,
         "push_success": 1.0,
+        "grasp_count": 2.0,
+        "grasp_done": 1.0,
+        "push_count": 1.0,
+        "push_done": 1.0,
         "actions_per_object": 1.5,
         "is_free": True,
         "hidden_above": 0.4,

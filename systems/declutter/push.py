@@ -38,8 +38,9 @@ class PushConfig:
     # Free way of the finger before it meets the object, which may be nearer than it seems: two
     # standard deviations of what camera and arm, each 3 mm off, make of it.
     gap: float = number(0.009, at_least=0.0, at_most=0.1, unit="m")
-    # Of the push, from the contact on: what was near the target is then beyond mu_d.
-    length: float = number(0.1, above=0.0, at_most=1.0, unit="m")
+    # Of the push, from the contact on: what was near the target is then beyond mu_d = .1 m, by more
+    # than outlines err.
+    length: float = number(0.13, above=0.0, at_most=1.0, unit="m")
     # Farthest place of the finger beside the line through the centroid; 15 mm turn an object by
     # 64 degrees within 10 cm, 5 mm hardly do.
     aside: float = number(0.005, at_least=0.0, at_most=0.1, unit="m")

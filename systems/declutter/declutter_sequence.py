@@ -313,7 +313,8 @@ class DeclutterSequence(RecursiveFilter):
         target = state.scene.largest(self._target)
         if target is not None:
             state = replace(state, unseen=0)
-        elif not graph.vertices or graph.next < 0 or state.unseen + 1 < len(self._places):
+        elif graph.next < 0 or not self._config.clear or state.unseen + 1 < len(self._places):
+            # Where there is no root, nothing is next.
             return self._look_elsewhere(state, NO_TARGET)
         if not self._config.clear:
             return self._ended(state, LEFT_ALONE, target)

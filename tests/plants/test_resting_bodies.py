@@ -4,7 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from pydrake.geometry import SceneGraph
 from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant, MultibodyPlantConfig
+from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import TrajectorySource
@@ -77,14 +79,22 @@ class Ran:
         return self.times[~self.locked[:, list(PLACES).index(name)]]
 
 
-def _run(is_locking: bool) -> Ran:
-    builder = DiagramBuilder()
-    plant: MultibodyPlant
+def _parsed(
+    builder: DiagramBuilder, stiction_tolerance: float
+) -> tuple[MultibodyPlant, SceneGraph, ModelInstanceIndex]:
     config = MultibodyPlantConfig(
-        time_step=0.0025, discrete_contact_approximation="lagged", stiction_tolerance=1e-4
+        time_step=0.0025,
+        discrete_contact_approximation="lagged",
+        stiction_tolerance=stiction_tolerance,
     )
     plant, scene_graph = AddMultibodyPlant(config, builder)
     (model,) = make_parser(plant).AddModelsFromString(_scene(), "sdf")
+    return plant, scene_graph, model
+
+
+def _run(is_locking: bool) -> Ran:
+    builder = DiagramBuilder()
+    plant, scene_graph, model = _parsed(builder, 1e-4)
     plant.Finalize()
     way = SPEED * (STOPS - STARTS)
     times = [0.0, STARTS, STOPS, LEAVES, LEAVES + 0.5, END]
@@ -157,12 +167,7 @@ def test_bodies_move_as_without_locks(locking: Ran, free: Ran) -> None:
 def test_no_body_creeps_on_and_on_because_it_alone_is_free() -> None:
     """On a slope friction that is simulated lets all of them creep by .6 mm/s."""
     builder = DiagramBuilder()
-    plant: MultibodyPlant
-    config = MultibodyPlantConfig(
-        time_step=0.0025, discrete_contact_approximation="lagged", stiction_tolerance=1e-3
-    )
-    plant, scene_graph = AddMultibodyPlant(config, builder)
-    (model,) = make_parser(plant).AddModelsFromString(_scene(), "sdf")
+    plant, scene_graph, model = _parsed(builder, 1e-3)
     plant.mutable_gravity_field().set_gravity_vector(9.81 * np.array([0.0, 0.3, -0.95]))
     plant.Finalize()
     simulator = Simulator(builder.Build())

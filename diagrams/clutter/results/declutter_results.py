@@ -179,8 +179,17 @@ def declutter_metrics() -> list[Metric]:
             return None
         return bool(clutter["target_noticed"] and clutter["target_moved"] < 0.5 * _MOVED)
 
-    return (
-        [
+    def totals(kind: DeclutterAction) -> list[Metric]:
+        return [
+            Metric(name=name, value=value, by_estimator=False, title=title, cell=total)
+            for name, value, title in (
+                (f"{kind}_count", count(kind), f"{kind} actions that were begun, in all"),
+                (f"{kind}_done", done(kind), f"{kind} actions that did what they should, in all"),
+            )
+        ]
+
+    return [
+        *(
             Metric(
                 name=f"{kind}_success",
                 value=share(kind),
@@ -189,59 +198,44 @@ def declutter_metrics() -> list[Metric]:
                 cell=mean_share,
             )
             for kind in DeclutterAction
-        ]
-        + [
-            Metric(
-                name=f"{kind}_{name}",
-                value=value(kind),
-                by_estimator=False,
-                title=title,
-                cell=total,
-            )
-            for kind in DeclutterAction
-            for name, value, title in (
-                ("count", count, f"{kind} actions that were begun, all scenes together"),
-                ("done", done, "of these, those that did"),
-            )
-        ]
-        + [
-            Metric(
-                name="actions_per_object",
-                value=actions_per_object,
-                by_estimator=False,
-                title="actions for each object that was in the way",
-                cell=mean_and_deviation,
-            ),
-            Metric(
-                name="is_free",
-                value=lambda summary: summary["clutter"]["is_free"],
-                by_estimator=False,
-                title="nothing in the way any more",
-                cell=mean_share,
-            ),
-            Metric(
-                name="hidden_above",
-                value=lambda summary: (summary["clutter"]["density"] or {}).get("hidden_above"),
-                by_estimator=False,
-                title="share of the target that was hidden from above",
-                cell=mean_and_deviation,
-            ),
-            Metric(
-                name="moved_unnoticed",
-                value=unnoticed,
-                by_estimator=False,
-                title="target moved by more than 2 cm, and no image showed it",
-                cell=mean_share,
-            ),
-            Metric(
-                name="noticed_wrongly",
-                value=noticed_wrongly,
-                by_estimator=False,
-                title="target said to have moved, but it has by less than 1 cm",
-                cell=mean_share,
-            ),
-        ]
-    )
+        ),
+        *(metric for kind in DeclutterAction for metric in totals(kind)),
+        Metric(
+            name="actions_per_object",
+            value=actions_per_object,
+            by_estimator=False,
+            title="actions for each object that was in the way",
+            cell=mean_and_deviation,
+        ),
+        Metric(
+            name="is_free",
+            value=lambda summary: summary["clutter"]["is_free"],
+            by_estimator=False,
+            title="nothing in the way any more",
+            cell=mean_share,
+        ),
+        Metric(
+            name="hidden_above",
+            value=lambda summary: (summary["clutter"]["density"] or {}).get("hidden_above"),
+            by_estimator=False,
+            title="share of the target that was hidden from above",
+            cell=mean_and_deviation,
+        ),
+        Metric(
+            name="moved_unnoticed",
+            value=unnoticed,
+            by_estimator=False,
+            title="target moved by more than 2 cm, and no image showed it",
+            cell=mean_share,
+        ),
+        Metric(
+            name="noticed_wrongly",
+            value=noticed_wrongly,
+            by_estimator=False,
+            title="target said to have moved, but it has by less than 1 cm",
+            cell=mean_share,
+        ),
+    ]
 
 
 def _begun(summary: Mapping[str, Any]) -> list[Mapping[str, Any]]:

@@ -78,20 +78,18 @@ def plan_grasps(
     others = np.where(view.others > _TABLE, view.others, 0.0)
     # The network says where and how; whether the fingers are open far enough is seen. Of all free
     # openings the one in the middle is as far from the object as from what is around it.
-    top = tops(view.heights, grasps, view)
     openings = np.arange(0.0, config.widest + 1e-9, CELL)
-    ways = np.empty((len(openings), *grasps.shape))
-    free = np.zeros((len(openings), len(grasps)), bool)
-    for tried, is_free, wider in zip(ways, free, openings, strict=True):
-        tried[:] = grasps
-        tried[:, 3] = np.minimum(tried[:, 3] + wider, STROKE)
-        under = highest_under_fingers(others, tried, view, config.clearance)
-        above = np.where(under > 0.0, under + config.clearance, 0.0)
-        tried[:, 4] = np.maximum(grasps[:, 4], above)
-        # What is thin is grasped as deep as it is.
-        deep = top - tried[:, 4] >= config.shallowest
-        deep |= tried[:, 4] == grasps[:, 4]
-        is_free[:] = deep & ~is_blocked(np.maximum(view.heights, others), tried, view)
+    ways = np.repeat(grasps[None], len(openings), axis=0)
+    ways[..., 3] = np.minimum(ways[..., 3] + openings[:, None], STROKE)
+    flat = ways.reshape(-1, 5)  # A view of them.
+    under = highest_under_fingers(others, flat, view, config.clearance)
+    above = np.where(under > 0.0, under + config.clearance, 0.0)
+    # What is thin is grasped as deep as it is.
+    deep = tops(view.heights, flat, view) - above >= config.shallowest
+    deep |= above <= flat[:, 4]
+    flat[:, 4] = np.maximum(flat[:, 4], above)
+    free = deep & ~is_blocked(np.maximum(view.heights, others), flat, view)
+    free = free.reshape(ways.shape[:2])
     found = np.flatnonzero(free.any(axis=0))
     middle = [k[len(k) // 2] for k in map(np.flatnonzero, free[:, found].T)]
     return ways[middle, found], quality[found]

@@ -127,18 +127,24 @@ def height_map(seen: SeenPoints, label: int) -> HeightMap:
     Raises:
         ValueError: where no pixel shows the object.
     """
-    is_object = seen.labels == label
-    own = is_object & np.isfinite(seen.xy[..., 0])
-    if not own.any():
+    own = seen.xy[seen.labels == label]
+    own = own[np.isfinite(own[:, 0])]
+    if not len(own):
         raise ValueError(f"no pixel shows object {label}")
-    middle = 0.5 * (seen.xy[own].min(axis=0) + seen.xy[own].max(axis=0))
+    middle = 0.5 * (own.min(axis=0) + own.max(axis=0))
     half = 0.5 * CELLS * CELL
     away = np.abs(seen.xy - middle)
     inside = (away[..., 0] < half) & (away[..., 1] < half)
     corner = middle - half + 0.5 * CELL
-    heights = _from_above(seen, seen.heights, inside & is_object, corner)
-    others = _from_above(seen, seen.highest, inside & ~is_object & (seen.labels >= 0), corner)
-    beside = _from_above(seen, seen.heights, inside & (seen.labels < 0), corner)
+    labels, gap = seen.labels[inside], seen.gap
+    cells = np.round((seen.xy[inside] - corner) / CELL).astype(int)
+    is_object, is_beside = labels == label, labels < 0
+    is_other = ~(is_object | is_beside)
+    heights, highest = seen.heights[inside], seen.highest[inside]
+    heights, others, beside = (
+        _from_above(cells[chosen], values[chosen], gap)
+        for chosen, values in ((is_object, heights), (is_other, highest), (is_beside, heights))
+    )
     rim = cv2.dilate(heights, np.ones((2 * _RIM + 1,) * 2)) > 0.0
     return HeightMap(
         heights=heights, others=np.maximum(others, np.where(rim, 0.0, beside)), corner=corner
@@ -158,9 +164,8 @@ def _extent(there: Mask) -> Ids:
     return np.arange(indices[0], indices[-1] + 1)
 
 
-def _from_above(seen: SeenPoints, heights: Array, chosen: Mask, corner: Array) -> Array:
-    """The greatest of the heights (H, W) in each cell (CELLS, CELLS), zero where there is none."""
-    columns, rows = np.round((seen.xy[chosen] - corner) / CELL).astype(int).T
+def _from_above(cells: Ids, heights: Array, gap: int) -> Array:
+    """The greatest of heights (N,) in each cell (CELLS, CELLS), zero where there is none."""
     found = np.zeros((CELLS, CELLS))
-    np.maximum.at(found, (rows, columns), heights[chosen])
-    return np.asarray(cv2.morphologyEx(found, cv2.MORPH_CLOSE, np.ones((2 * seen.gap + 1,) * 2)))
+    np.maximum.at(found, (cells[:, 1], cells[:, 0]), heights)
+    return np.asarray(cv2.morphologyEx(found, cv2.MORPH_CLOSE, np.ones((2 * gap + 1,) * 2)))

@@ -31,6 +31,10 @@ PITCH = 0.0047  # Between the middles of neighbouring taxels, except those of a 
 WIDTH = 0.027  # Of a finger along y, over its taxels, [m].
 THICKNESS = 0.014  # Of a finger along x, over its taxels, [m].
 TRAVEL = 0.07  # Of a finger, [m].
+# Edges along x and y of a rectangle that holds palm and rail, and how far above the fingers' ends
+# it is, [m].
+PALM = (0.17, 0.075)
+PALM_ABOVE = 0.118
 
 _PHALANGE_END = -0.050  # z of the middle of the phalange's furthest taxels, [m].
 _BESIDE = 0.5 * PITCH * np.array([-3.0, -1.0, 1.0, 3.0])  # y of four columns, [m].

@@ -12,7 +12,7 @@ from crossmodal.controllers.arm.motion_planner import MotionPlanner
 from crossmodal.controllers.primitives.move_object_config import ActionPhase, MoveObjectConfig
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.immutable import Immutable
-from crossmodal.models.gripper_taxels import TRAVEL
+from crossmodal.models.gripper_taxels import PALM, TRAVEL
 
 _UP = np.array([0.0, 0.0, 1.0])
 _POSTURES = 4  # Of the arm, that are tried for one place of the gripper.
@@ -209,11 +209,10 @@ class ActionPlanner:
             along = np.append(push.direction, 0.0)
             across = np.cross(_UP, along)
             c = push.finger.centroid
-            height = min(config.push_height, push.height)
             self._look(request, others, 0.0)
             for sign in (1.0, -1.0):  # Either finger may be in front; z is down.
                 R_WE = RotationMatrix(np.column_stack([sign * along, -sign * across, -_UP]))
-                X_WE = RigidTransform(R_WE, [c.x, c.y, height])
+                X_WE = RigidTransform(R_WE, [c.x, c.y, push.height])
                 for down, _ in self._ways_down(request, X_WE, guesses):
                     pushed = self._planner.line(down[-1], along, push.length + push.reach)
                     if self._planner.length(pushed) < push.length:
@@ -236,18 +235,23 @@ class ActionPlanner:
     ) -> Iterator[tuple[Array, float]]:
         """Postures (K, n) along z of E to a pose, from above the object's top.
 
-        They may end earlier by what is spare [m]; by how much they do is the second value.
+        They begin above all that the hand could meet on the way, if the arm gets there: between
+        high things hardly any path leads to a place from which it could go straight down. They may
+        end earlier by what is spare [m]; by how much they do is the second value.
         """
         z = X_WE.rotation().col(2)
         top = self._top(request, X_WE.GetAsMatrix4())
-        length = max(top - X_WE.translation()[2], 0.0) + self._config.above
-        X_before = RigidTransform(X_WE.rotation(), X_WE.translation() - length * z)
-        for q in islice(self._planner.postures(X_before, guesses), _POSTURES):
-            if self._planner.is_free(q):
-                down = self._planner.line(q, z, length)
-                short = length - self._planner.length(down)
-                if short < spare + _SHORT:
-                    yield down, short
+        for highest in sorted(
+            {top, max(top, _top_near(request, X_WE.translation()))}, reverse=True
+        ):
+            length = max(highest - X_WE.translation()[2], 0.0) + self._config.above
+            X_before = RigidTransform(X_WE.rotation(), X_WE.translation() - length * z)
+            for q in islice(self._planner.postures(X_before, guesses), _POSTURES):
+                if self._planner.is_free(q):
+                    down = self._planner.line(q, z, length)
+                    short = length - self._planner.length(down)
+                    if short < spare + _SHORT:
+                        yield down, short
 
     @staticmethod
     def _top(request: Any, X_WE: Array) -> float:
@@ -268,3 +272,14 @@ class ActionPlanner:
             boxes + (around or []),
             None if around else self._config.near,
         )
+
+
+def _top_near(request: Any, p_WE: Array) -> float:
+    """Greatest height of the obstacles within the hand's reach of a place, zero for none, [m]."""
+    reach = 0.5 * float(np.hypot(*PALM))
+    tops = [
+        X_WB[2, 3] + 0.5 * edges[2]
+        for edges, X_WB in request.obstacles
+        if np.linalg.norm(X_WB[:2, 3] - p_WE[:2]) < reach + 0.5 * np.linalg.norm(edges[:2])
+    ]
+    return float(max(tops, default=0.0))

@@ -49,7 +49,7 @@ class MoveState(Immutable):
         grip: Of the fingers.
         hanging: What the fingers carry once it is lifted (2,), along y and z of E, [N].
         touched: Of a push: how far the finger had gone when it felt the object, [m].
-        felt: When it felt it last, [s].
+        felt: How far when it felt it last, [m].
         end: How this action ends, as far as that is known.
         last: How the last one ended.
         failure: Why nothing can be done any more; empty while it can.
@@ -345,7 +345,7 @@ class MoveObject(ArmTask):
         gone = self._planner.length(np.array([state.motion.knots[0], q]))
         touched = gone if felt and np.isnan(state.touched) else state.touched
         state = replace(
-            state, readings=readings, touched=touched, felt=time if felt else state.felt
+            state, readings=readings, touched=touched, felt=gone if felt else state.felt
         )
         pushed = 0.0 if np.isnan(touched) else gone - touched
         outcome = ActionOutcome.NONE
@@ -354,8 +354,8 @@ class MoveObject(ArmTask):
         elif np.isnan(touched):
             if gone >= push.reach:
                 outcome = ActionOutcome.MISSED
-        elif time > state.felt + config.unfelt:
-            outcome = ActionOutcome.LOST
+        elif gone > state.felt + config.unfelt:
+            outcome, pushed = ActionOutcome.LOST, state.felt - touched
         elif pushed >= push.length or time >= state.motion.end:
             outcome = ActionOutcome.PUSHED
         if not outcome:

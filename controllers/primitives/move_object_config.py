@@ -50,9 +50,6 @@ class MoveObjectConfig:
     # Above the object's top the straight way down begins.
     above: float = number(0.03, at_least=0.0, at_most=0.5, unit="m")
     lift: float = number(0.15, above=0.0, at_most=1.0, unit="m")
-    # Of the fingers' end above the table while it pushes: its taxels are then 18 mm above it and
-    # higher, and the table may be 2 mm higher than believed.
-    push_height: float = number(0.012, above=0.0, at_most=0.5, unit="m")
     # Force at which a push stops, as something is in its way, if it lasts for so long: light things
     # bounce. Two samples at 40 Hz.
     largest_push: float = number(8.0, above=0.0, at_most=100.0, unit="N")
@@ -68,8 +65,8 @@ class MoveObjectConfig:
     # Over which forces are averaged: of a decision, and of a contact that is pushed.
     averaged: float = number(0.02, above=0.0, at_most=1.0, unit="s")
     pushed_averaged: float = number(0.25, above=0.0, at_most=5.0, unit="s")
-    # For which it may not be felt; four samples at 40 Hz.
-    unfelt: float = number(0.1, at_least=0.0, at_most=5.0, unit="s")
+    # Of the way, along which it may not be felt: what slides ahead is met again by then, or lost.
+    unfelt: float = number(0.02, at_least=0.0, at_most=0.5, unit="m")
     # What is felt of a push is so many standard deviations of its noise.
     significance: float = number(4.0, above=0.0, at_most=100.0)
 

@@ -8,8 +8,11 @@ contour nearer than a metre outranks any overlap. Here an edge weighs
     w = 1 - min(d / mu_d, 1) (1 - IoU / mu_o)                otherwise, 0 to 1,
 
 and there is none where w = 0. So every overlap outranks every nearness; w is continuous, rises with
-IoU and falls with d. Equation 2 stands: an object is grasped if the quality of its best grasp is at
-least mu_q, and pushed otherwise. What has failed too often is replaced by the other action.
+IoU and falls with d. Nearness makes an edge to the target alone, where the paper makes one between
+any two objects: what is near another one need not be moved before it, only what lies over it, and
+on a small table all hang together at any time. Equation 2 stands: an object is grasped if the
+quality of its best grasp is at least mu_q, and pushed otherwise. What has failed too often is
+replaced by the other action.
 """
 
 from collections.abc import Mapping, Sequence
@@ -47,7 +50,7 @@ class DeclutterConfig:
 
     # mu_o: a larger IoU of two boxes is an overlap.
     overlap: float = number(0.05, at_least=1e-3, below=1.0)
-    # mu_d: contours that are nearer hang together. The paper's .5 m would be all of the table.
+    # mu_d: what is nearer is in the target's way. The paper's .5 m would be all of the table.
     near: float = number(0.1, at_least=1e-3, at_most=10.0, unit="m")
     # mu_q: an object with a better grasp is grasped. Of our network's grasps two thirds of those
     # above .5 hold and a tenth of those between that and the paper's .1.
@@ -68,12 +71,17 @@ def edge_weight(first: Segment, second: Segment, config: DeclutterConfig) -> flo
     return round(weight, _DIGITS)
 
 
-def edge_weights(segments: Sequence[Segment], config: DeclutterConfig) -> Array:
-    """Of all pairs of objects (N, N), symmetric, zero on the diagonal."""
+def edge_weights(segments: Sequence[Segment], root: int, config: DeclutterConfig) -> Array:
+    """Of all pairs of objects (N, N), symmetric, zero on the diagonal.
+
+    Those without the root have an edge only if they overlap.
+    """
     weights = np.zeros((len(segments), len(segments)))
     for i, first in enumerate(segments):
         for j in range(i):
-            weights[i, j] = weights[j, i] = edge_weight(first, segments[j], config)
+            weight = edge_weight(first, segments[j], config)
+            if weight > 1.0 or root in (i, j):
+                weights[i, j] = weights[j, i] = weight
     return weights
 
 
@@ -151,8 +159,9 @@ def declutter_graph(
         raise ValueError(f"two objects have the same number: {numbers}")
     if root is None:
         return DeclutterGraph(number=scene.number, apart=tuple(segments), why=NO_TARGET)
-    weights = edge_weights(segments, config)
-    tree = spanning_tree(weights, numbers.index(root.number))
+    at = numbers.index(root.number)
+    weights = edge_weights(segments, at, config)
+    tree = spanning_tree(weights, at)
     left = {n: actions_left(n, qualities.get(n, 0.0), tries, config) for n in numbers}
     vertices = {root.number: DeclutterVertex(segment=root)}
     for i, parent in list(tree.items())[1:]:

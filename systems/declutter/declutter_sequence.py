@@ -53,7 +53,7 @@ class DeclutterSequenceConfig:
 
     # Whether anything is taken away; otherwise the target's pose is sought at once.
     clear: bool = True
-    # Of all objects together.
+    # Of all objects together, for which the arm moves.
     actions: int = number(30, at_least=0, at_most=1000)
     # An object has been moved if it has gone as far; outlines of two images of one that rests
     # differ by less.
@@ -320,7 +320,8 @@ class DeclutterSequence(RecursiveFilter):
             return self._ended(state, LEFT_ALONE, target)
         if graph.next < 0:
             return self._ended(state, "" if graph.why == TARGET_FREE else graph.why, target)
-        if len(state.progress.steps) >= self._config.actions:
+        begun = [step for step in state.progress.steps if step.outcome != UNREACHABLE]
+        if len(begun) >= self._config.actions:
             return self._ended(state, TOO_MANY, target)
         vertex = graph.vertex(graph.next)
         if vertex.segment.covered > self._config.covered and state.sides + 1 < len(self._places):

@@ -2,8 +2,9 @@
 
 A push is straight and quasi-static. All places are in W's x and y, see `port_values.declutter`.
 Source: section II-B.1 of the paper on active visuo-tactile perception in clutter. Beyond it, the
-push leaves the target alone and is low enough; the paper's finger is a box of pixels, ours one of
-metres, and it stands where no other object does wherever some direction allows that.
+push leaves the target alone, is low enough and as long as it takes. The paper's finger is a box of
+pixels that overlaps others as little as possible; ours is one of metres with a palm above it, and
+neither meets another object on the way.
 """
 
 from collections.abc import Sequence
@@ -15,17 +16,22 @@ from shapely.affinity import translate
 
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.validation import number
-from crossmodal.systems.declutter.segments import intersection_over_union
+from crossmodal.models.gripper_taxels import ARRAYS, PALM, PALM_ABOVE, gripper_taxels
 from crossmodal.systems.port_values import Push, Segment
 
 SWEEPS = "sweeps the target"
 TOPPLES = "topples it"
+MEETS = "meets something else"
 
 _LENGTH = 1e-6  # Lengths that differ by less are alike, [m];
 _AREA = 1e-6  # so are areas, [m^2].
 _STEP = 0.002  # Of the instants of a motion at which an overlap is looked at, [m].
+_LONGER = 0.02  # Between lengths that are tried, [m].
 _TURN = 10.0  # Between directions that are tried, [deg].
 _ASIDE = 0.0025  # Between places of the finger that are tried, [m].
+# Middle of the outer taxels above the fingers' ends, [m].
+_LAYOUT = gripper_taxels()
+_TAXELS = -float(_LAYOUT.p_FS[_LAYOUT.array == ARRAYS.index("left_outer"), 2].mean())
 
 
 @dataclass(kw_only=True)
@@ -38,9 +44,11 @@ class PushConfig:
     # Free way of the finger before it meets the object, which may be nearer than it seems: two
     # standard deviations of what camera and arm, each 3 mm off, make of it.
     gap: float = number(0.009, at_least=0.0, at_most=0.1, unit="m")
-    # Of the push, from the contact on: what was near the target is then beyond mu_d = .1 m, by more
-    # than outlines err.
-    length: float = number(0.13, above=0.0, at_most=1.0, unit="m")
+    # Of the push, from the contact on: as long as it takes, between these two.
+    shortest: float = number(0.06, above=0.0, at_most=1.0, unit="m")
+    longest: float = number(0.2, above=0.0, at_most=1.0, unit="m")
+    # Distance from the target to which it takes the object: beyond mu_d by more than outlines err.
+    clear: float = number(0.12, at_least=0.0, at_most=1.0, unit="m")
     # Farthest place of the finger beside the line through the centroid; 15 mm turn an object by
     # 64 degrees within 10 cm, 5 mm hardly do.
     aside: float = number(0.005, at_least=0.0, at_most=0.1, unit="m")
@@ -55,8 +63,15 @@ class PushConfig:
     foot: float = number(0.55, above=0.0, at_most=1.0)
     # Share of the toppling height that is used; so friction may be .7.
     margin: float = number(0.7, above=0.0, at_most=1.0)
-    # Above the table, at which a finger can push.
-    lowest: float = number(0.01, at_least=0.0, at_most=0.5, unit="m")
+    # Of the fingers' ends above the table: its outer taxels are then 18 mm above it and higher, and
+    # the table may be 2 mm higher than believed.
+    lowest: float = number(0.012, at_least=0.0, at_most=0.5, unit="m")
+    # By which the fingers' ends are below an object's top at least.
+    grip: float = number(0.01, at_least=0.0, at_most=0.5, unit="m")
+    # What is not higher may be turned over: it does not fall.
+    low: float = number(0.03, at_least=0.0, at_most=0.5, unit="m")
+    # Between palm and what it passes over; heights err by as much.
+    above: float = number(0.01, at_least=0.0, at_most=0.5, unit="m")
 
 
 def away_from_clutter(
@@ -155,15 +170,79 @@ def spares(segment: Segment, target: Segment, motion: Array, clearance: float) -
     return bool(over.max() <= over[0] + _AREA)
 
 
+def push_length(
+    segment: Segment,
+    others: Sequence[Segment],
+    target: Segment,
+    direction: Array,
+    config: PushConfig,
+) -> float:
+    """The shortest push [m] that takes an object out of the way; the longest, if none does.
+
+    It is out of the way where it is clear of the target and lies over no other object.
+
+    Args:
+        segment: To be pushed.
+        others: All others, the target too.
+        target: The target.
+        direction: Of the push (2,), a unit vector.
+        config: Of the push.
+    """
+    count = int(np.ceil((config.longest - config.shortest) / _LONGER - _LENGTH))
+    for length in np.append(config.shortest + _LONGER * np.arange(count), config.longest):
+        moved = translate(segment.contour, *(length * direction))
+        if moved.distance(target.contour) > config.clear - _LENGTH and not any(
+            moved.intersects(other.contour) for other in others
+        ):
+            return float(length)
+    return config.longest
+
+
+def hand_height(
+    segment: Segment,
+    others: Sequence[Segment],
+    finger: shapely.Polygon,
+    motion: Array,
+    config: PushConfig,
+) -> float:
+    """Least height of the fingers' ends above the table [m] at which the palm meets nothing.
+
+    Infinite, where the finger itself meets another object, and where the palm would be above
+    another one whose height is not known.
+
+    Args:
+        segment: To be pushed.
+        others: All others.
+        finger: Where it comes down.
+        motion: Of the finger (2,), [m].
+        config: With the distance between palm and objects.
+    """
+    if any(swept(finger, motion).intersects(other.contour) for other in others):
+        return np.inf
+    along = motion / np.linalg.norm(motion)
+    frame = np.array([along, [-along[1], along[0]]])
+    middle = shapely.get_coordinates(finger.centroid)[0]
+    palm = shapely.transform(
+        shapely.box(*(-0.5 * np.array(PALM)), *(0.5 * np.array(PALM))), lambda p: middle + p @ frame
+    )
+    # The object goes ahead of the finger: what the palm is above, it is above all the way.
+    over = swept(palm, motion)
+    tops = [np.nan_to_num(s.top, nan=np.inf) for s in others if over.intersects(s.contour)]
+    if palm.intersects(segment.contour) and np.isfinite(segment.top):
+        tops.append(segment.top)
+    highest = max(tops, default=0.0)
+    return float(max(config.lowest, highest + config.above - PALM_ABOVE))
+
+
 def plan_pushes(
     segment: Segment, others: Sequence[Segment], target: Segment, config: PushConfig
 ) -> tuple[Push, ...]:
     """The pushes of an object that spare the target, the best one first; or one that says why not.
 
-    There is one in each direction whose finger stands where no other object is, from that away from
-    the clutter outwards, to the left first; where there is none, the one whose finger overlaps the
-    others least. Among the places of the finger, the one of least overlap is taken, then the one
-    nearest to the line through the centroid.
+    There is one at most in each direction, in which the hand meets nothing else. Those that take
+    the object out of the way come first, then those nearest to the direction away from the clutter,
+    to the left before to the right. Among the places of the finger that nearest to the line through
+    the centroid is taken.
 
     Args:
         segment: To be pushed.
@@ -172,23 +251,19 @@ def plan_pushes(
         config: Of the push.
     """
     away = away_from_clutter(segment, others, target, config.width)
-    found, failures = list[Push](), set[str]()
+    found, failures = list[tuple[bool, Push]](), set[str]()
     for turn in np.deg2rad(_both_sides(config.largest_turn, _TURN)):
         c, s = np.cos(turn), np.sin(turn)
         direction = np.array([[c, -s], [s, c]]) @ away
-        height = push_height(segment, direction, config)
-        if height < config.lowest:
-            failures.add(TOPPLES)
-            continue
-        pushes = _pushes(segment, others, target, direction, height, config)
-        if not pushes:
-            failures.add(SWEEPS)
+        wanted = push_length(segment, others, target, direction, config)
+        push = _push(segment, others, target, direction, wanted, config)
+        if push.why:
+            failures.add(push.why)
         else:
-            found.append(min(pushes, key=lambda push: push.overlap))
+            found.append((push.length < wanted, push))
     if not found:
         return (Push(why=f"every push {' or '.join(sorted(failures))}"),)
-    free = tuple(push for push in found if push.overlap == 0.0)
-    return free or (min(found, key=lambda push: push.overlap),)
+    return tuple(push for _, push in sorted(found, key=lambda each: each[0]))
 
 
 def _both_sides(end: float, step: float) -> Array:
@@ -197,36 +272,46 @@ def _both_sides(end: float, step: float) -> Array:
     return step * np.array(sorted(range(-count, count + 1), key=lambda k: (abs(k), -k)))
 
 
-def _pushes(
+def _push(
     segment: Segment,
     others: Sequence[Segment],
     target: Segment,
     direction: Array,
-    height: float,
+    wanted: float,
     config: PushConfig,
-) -> list[Push]:
-    """All that spare the target, with each place of the finger, the middle one first."""
-    if not spares(segment, target, config.length * direction, config.clearance):
-        return []
-    found, middle = [], segment.centroid @ direction
-    for offset in _both_sides(config.aside, _ASIDE):
-        place = finger_place(segment, direction, offset, config)
-        if place is None:
+) -> Push:
+    """The longest one, up to the wanted length [m], or one that says why there is none."""
+    safe = push_height(segment, direction, config)
+    if segment.top <= config.low:
+        safe = max(safe, config.lowest)
+    if safe < config.lowest:
+        return Push(why=TOPPLES)
+    if np.isfinite(segment.top):
+        safe = min(safe, max(segment.top - config.grip, config.lowest))
+    # What is round is widest there, and is felt in the middle of the outer taxels.
+    widest = 0.5 * np.nan_to_num(segment.top) - _TAXELS
+    why = SWEEPS
+    for length in np.arange(wanted, config.shortest - _LENGTH, -_LONGER):
+        if not spares(segment, target, length * direction, config.clearance):
             continue
-        point, finger = place
-        strip = swept(finger, (config.gap + config.length) * direction)
-        if strip.distance(target.contour) < config.clearance:
-            continue
-        overlaps = [intersection_over_union(other.contour, finger) for other in others]
-        found.append(
-            Push(
-                point=point,
-                direction=direction,
-                length=config.length,
-                reach=float(middle - (shapely.get_coordinates(finger) @ direction).max()),
-                height=height,
-                finger=finger,
-                overlap=round(float(np.mean(overlaps)), 9),  # Rounding errors decide nothing.
-            )
-        )
-    return found
+        for offset in _both_sides(config.aside, _ASIDE):
+            place = finger_place(segment, direction, offset, config)
+            if place is None:
+                continue
+            point, finger = place
+            motion = (config.gap + length) * direction
+            if swept(finger, motion).distance(target.contour) < config.clearance:
+                continue
+            why = MEETS
+            least = hand_height(segment, others, finger, motion, config)
+            if least <= safe:
+                ahead = (shapely.get_coordinates(finger) @ direction).max()
+                return Push(
+                    point=point,
+                    direction=direction,
+                    length=float(length),
+                    reach=float(segment.centroid @ direction - ahead),
+                    height=float(np.clip(widest, least, safe)),
+                    finger=finger,
+                )
+    return Push(why=why)

@@ -8,7 +8,7 @@ the height of their ends above the table [m].
 import numpy as np
 
 from crossmodal.maths.arrays import Array, Mask
-from crossmodal.models.gripper_taxels import THICKNESS, TRAVEL, WIDTH
+from crossmodal.models.gripper_taxels import PALM, PALM_ABOVE, THICKNESS, TRAVEL, WIDTH
 from crossmodal.systems.grasping.height_map import CELL, CELLS, HeightMap, highest_within
 
 STROKE = 2.0 * TRAVEL  # Widest opening, [m].
@@ -16,9 +16,6 @@ MARGIN = 0.008  # Between object and fingers on each side before they close, [m]
 
 _LOWEST = 0.005  # Least height of the fingers' ends above the table, [m].
 _DEEPEST = 0.045  # So far the fingers reach down beside an object, [m]: the inner taxels and more.
-# Half the edges of a rectangle that holds palm and rail, and how far above the fingers' ends it is.
-_PALM = (0.085, 0.0375)
-_PALM_ABOVE = 0.118
 _PALM_STEP = 0.005  # Between points of the palm that are looked at, [m].
 
 
@@ -58,11 +55,12 @@ def highest_under_fingers(
 
 def is_blocked(heights: Array, grasps: Array, view: HeightMap) -> Mask:
     """Whether fingers (N,) would come down on something, or the palm; see above."""
-    x, y = _grid((-_PALM[0], _PALM[0]), (-_PALM[1], _PALM[1]), _PALM_STEP)
+    half_x, half_y = 0.5 * PALM[0], 0.5 * PALM[1]
+    x, y = _grid((-half_x, half_x), (-half_y, half_y), _PALM_STEP)
     below_palm = _highest(heights, grasps, x, y, view)
     under = highest_under_fingers(heights, grasps, view)
     z = grasps[:, 4]
-    return np.asarray((under > z) | (below_palm > z + _PALM_ABOVE))
+    return np.asarray((under > z) | (below_palm > z + PALM_ABOVE))
 
 
 def _grid(x: tuple[float, float], y: tuple[float, float], step: float) -> tuple[Array, Array]:

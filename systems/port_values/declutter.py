@@ -181,10 +181,8 @@ class Push(Immutable):
         length: From the contact on, [m].
         reach: Way of the finger to beside the object's middle, [m]; what it has not met by then is
             not where it seems to be.
-        height: Highest one above the table at which the finger may push, [m].
+        height: Of the fingers' ends above the table, [m].
         finger: The rectangle in which the finger comes down, in W, [m].
-        overlap: Mean over the other objects of the IoU of their contours with the finger's place;
-            above zero, the finger would come down on one of them.
     """
 
     why: str = ""
@@ -194,7 +192,6 @@ class Push(Immutable):
     reach: float = np.nan
     height: float = np.nan
     finger: shapely.Geometry = _NOTHING
-    overlap: float = np.nan
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -103,18 +103,18 @@ def objects_in(
 
 
 def segments_in(
-    view: View, found: list[SeenObject], region: shapely.Polygon, glass: Mapping[str, float]
+    view: View, found: list[SeenObject], region: shapely.Polygon, glass: Mapping[str, Array]
 ) -> tuple[tuple[Segment, ...], list[Mask]]:
     """The objects on a part of the table, numbered from zero, and their masks.
 
     What the ray of a pixel misses the table for is beyond it, and left out. Depth says nothing of
-    glass, which is as high as it can be, then, and outlined as if it were half as high.
+    glass, which is outlined as if it lay, and as high as its length allows then.
 
     Args:
         view: Of the table.
         found: What `objects_in` gave.
         region: Of the table in W, [m].
-        glass: Greatest heights of the classes that a depth camera looks through, [m].
+        glass: Edges (3,) of the bounding boxes of classes that a depth camera looks through, [m].
     """
     kept: list[tuple[Segment, Mask]] = []
     solid = np.zeros(view.masked.shape, bool)
@@ -122,7 +122,8 @@ def segments_in(
         if one.name not in glass:
             solid |= one.mask
     for one in found:
-        highest = glass.get(one.name)
+        edges = glass.get(one.name)
+        lying = 0.0 if edges is None else float(np.sort(edges)[1])
         try:
             segment = segment_of_mask(
                 len(kept),
@@ -130,24 +131,41 @@ def segments_in(
                 one.mask,
                 view.intrinsics,
                 view.X_WC,
-                view.table + 0.5 * (highest or 0.0),
-                None if highest else view.depth,
+                view.table + 0.5 * lying,
+                view.depth if edges is None else None,
             )
         except ValueError:
             continue
-        covered = 0.0
-        if not highest:
+        covered, top = 0.0, segment.top
+        if edges is None:
             covered = covered_share(one.mask, solid & ~one.mask, view.depth, _BEFORE)
+        else:
+            top = greatest_height(segment, edges)
         segment = replace(
             segment,
-            top=highest or segment.top,
-            is_glass=bool(highest),
+            top=top,
+            is_glass=edges is not None,
             covered=covered,
             is_cut=bool(one.mask[[0, -1]].any() or one.mask[:, [0, -1]].any()),
         )
         if region.contains(segment.contour.centroid):
             kept.append((segment, one.mask))
     return tuple(segment for segment, _ in kept), [mask for _, mask in kept]
+
+
+def greatest_height(segment: Segment, edges: Array) -> float:
+    """How high an object can be whose outline is as long as that, [m].
+
+    Its longest edge, leaning, is as high as Pythagoras says, and its thickness comes on top.
+
+    Args:
+        segment: The object.
+        edges: Of its bounding box (3,), [m].
+    """
+    sides = np.diff(shapely.get_coordinates(segment.box), axis=0)
+    seen = float(np.linalg.norm(sides, axis=1).max())
+    _, thick, long = np.sort(edges)
+    return float(min(np.sqrt(max(long**2 - seen**2, 0.0)) + thick, long))
 
 
 class Segmenter(RecursiveFilter):
@@ -195,8 +213,7 @@ class Segmenter(RecursiveFilter):
         self._network, self._config = network, config
         self._intrinsics, self._table, self._region = intrinsics, table, region
         self._lengths = {name: float(np.linalg.norm(own)) for name, own in edges.items()}
-        # As high as they can be.
-        self._glass = {name: float(edges[name].max()) for name in TRANSPARENT if name in edges}
+        self._glass = {name: edges[name] for name in TRANSPARENT if name in edges}
         self._colour, self._depth = (
             self._declare_value_input(name, StampedImage(time=0.0, image=kind()))
             for name, kind in (("color_measured", ImageRgba8U), ("depth_measured", ImageDepth32F))

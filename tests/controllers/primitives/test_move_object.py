@@ -64,7 +64,6 @@ PUSH = ActionRequest(
             reach=0.03,
             height=0.03,
             finger=shapely.box(AT[0] - 0.0135, AT[1] - GAP - 0.028, AT[0] + 0.0135, AT[1] - GAP),
-            overlap=0.0,
         ),
     ),
     top=0.1,
@@ -279,7 +278,7 @@ def test_what_stops_the_fingers_just_before_the_grasp_is_the_table(planner: Moti
     [
         {"grasps": (replace(GRASP.grasps[0], X_WE=np.diag([1.0, -1.0, -1.0, 1.0])),)},
         {"places": np.array([[0.55, 2.0]])},
-        {"obstacles": ((np.array([0.2, 0.02, 0.2]), np.eye(4) + 0.0),)},
+        {"obstacles": ((np.array([0.2, 0.02, 0.24]), np.eye(4) + 0.0),)},
     ],
     ids=["grasp", "place", "obstacle"],
 )
@@ -288,7 +287,7 @@ def test_what_cannot_be_done_is_reported_and_the_next_one_is_done(
 ) -> None:
     if "obstacles" in change:  # Where a finger would come down.
         ((edges, X_WB),) = change["obstacles"]
-        X_WB[:3, 3] = [AT[0], AT[1] + 0.03, 0.1]
+        X_WB[:3, 3] = [AT[0], AT[1] + 0.03, 0.12]
         change = {"obstacles": ((edges, X_WB),), "grasps": GRASP.grasps}
     trial = Trial(planner, World())
     trial.ask(replace(GRASP, **change))

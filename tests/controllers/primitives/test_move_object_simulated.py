@@ -33,7 +33,6 @@ PUSH = ActionRequest(
             reach=0.03,
             height=0.03,
             finger=shapely.box(0.534, -0.1135, 0.562, -0.0865),
-            overlap=0.0,
         ),
     ),
     top=0.115,

@@ -16,10 +16,10 @@ def rectangle(
     size: tuple[float, float] = (0.04, 0.04),
     angle: float = 0.0,
 ) -> Segment:
-    """Of this width and height [m] around a place, turned by an angle [rad]."""
+    """Of these edges [m] around a place, turned by an angle [rad], and 5 cm high."""
     corners = 0.5 * np.array(size) * [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]
     contour = shapely.Polygon(corners @ rotation(angle).T + place)
-    return Segment(number=number, name=name, contour=contour)
+    return Segment(number=number, name=name, contour=contour, top=0.05)
 
 
 def rotation(angle: float) -> Array:

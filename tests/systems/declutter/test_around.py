@@ -26,7 +26,7 @@ CORNERS = ((-1, -1), (1, -1), (1, 1), (-1, 1))
 
 @pytest.mark.parametrize("angle", [0.0, 0.7, -1.2])
 def test_a_box_holds_its_object_and_no_more(angle: float) -> None:
-    segment = rectangle(1, "can", (0.5, 0.1), (0.2, 0.06), angle)
+    segment = replace(rectangle(1, "can", (0.5, 0.1), (0.2, 0.06), angle), top=np.nan)
     ((edges, X_WB),) = boxes_around([segment], 0.01, replace(CONFIG, slab=1.0))
     assert_allclose(sorted(edges), [0.06, 0.2, CONFIG.unknown_top], atol=1e-12)
     assert_allclose(X_WB[:3, 3], [0.5, 0.1, 0.01 + 0.5 * CONFIG.unknown_top], atol=1e-12)

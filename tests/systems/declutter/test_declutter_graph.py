@@ -110,7 +110,7 @@ def test_boxes_that_overlap_a_little_do_not_jump_at_the_threshold() -> None:
 @pytest.mark.parametrize("seed", range(20))
 def test_the_tree_is_the_maximum_spanning_tree(seed: int) -> None:
     scene = random_scene(seed, spread=0.15)
-    weights = edge_weights(scene, CONFIG)
+    weights = edge_weights(scene, 0, CONFIG)
     tree = spanning_tree(weights, 0)
     _, labels = connected_components(weights)
     connected = np.flatnonzero(labels == labels[0])
@@ -138,14 +138,14 @@ def test_a_vertex_without_edges_is_a_tree() -> None:
 
 
 def test_the_scenes_by_lot_have_objects_in_the_tree_and_beside_it() -> None:
-    sizes = {len(spanning_tree(edge_weights(random_scene(s, spread=0.15), CONFIG), 0))
+    sizes = {len(spanning_tree(edge_weights(random_scene(s, spread=0.15), 0, CONFIG), 0))
              for s in range(20)}  # fmt: skip
     assert min(sizes) < 10
     assert max(sizes) > 4
 
 
 def test_objects_hang_on_each_other_as_they_stand() -> None:
-    graph = graph_of(*row(0.0, 0.05, 0.10, -0.06, 0.5))
+    graph = graph_of(*row(0.0, 0.05, 0.08, -0.06, 0.5))
     parents = {v.segment.number: v.parent for v in graph.vertices}
     assert parents == {0: -1, 1: 0, 2: 1, 3: 0}
     assert [segment.number for segment in graph.apart] == [4]
@@ -156,10 +156,16 @@ def test_objects_hang_on_each_other_as_they_stand() -> None:
     assert graph.number == 1
 
 
+def test_what_is_near_another_object_but_not_the_target_is_not_in_the_way() -> None:
+    graph = graph_of(*row(0.0, 0.12, 0.17))
+    assert [v.segment.number for v in graph.vertices] == [0, 1]
+    assert [segment.number for segment in graph.apart] == [2]
+
+
 def test_the_leaf_of_the_highest_weight_is_next_though_an_inner_vertex_weighs_more() -> None:
-    graph = graph_of(*row(0.0, 0.02, 0.065, -0.06))
-    assert graph.vertex(1).weight > 1.0
-    assert graph.vertex(2).weight == pytest.approx(0.95)
+    graph = graph_of(*row(0.0, 0.02, 0.05, -0.06))
+    assert graph.vertex(1).weight > graph.vertex(2).weight > 1.0
+    assert graph.vertex(2).parent == 1
     assert graph.vertex(3).weight == pytest.approx(0.8)
     assert graph.next == 2
     assert graph.why == ""
@@ -183,13 +189,14 @@ def test_of_equal_leaves_the_lowest_number_is_next(order: tuple[int, ...]) -> No
 
 @pytest.mark.parametrize("seed", range(5))
 def test_the_order_of_the_objects_does_not_matter(seed: int) -> None:
-    scene = list(random_scene(seed))
+    scene = list(random_scene(seed, spread=0.2))
     expected = graph_of(*scene)
     np.random.default_rng(seed).shuffle(scene)  # type: ignore[arg-type]
     found = graph_of(*scene)
     assert found.vertices == expected.vertices
     assert found.next == expected.next
-    assert len(found.pushes) == len(expected.pushes) > 0
+    assert len(found.pushes) == len(expected.pushes)
+    assert found.pushes or seed == 3  # Its target is free.
     for push, wanted in zip(found.pushes, expected.pushes, strict=True):
         assert_array_equal(push.point, wanted.point)
         assert push.finger == wanted.finger
@@ -207,7 +214,7 @@ def test_taking_away_what_is_next_frees_the_target() -> None:
 
 
 def test_a_good_grasp_is_a_grasp_and_a_bad_one_a_push() -> None:
-    scene = row(0.0, 0.05, 0.15, -0.05, -0.15)
+    scene = row(0.0, 0.05, 0.12, -0.05, -0.12)
     graph = graph_of(*scene, qualities={1: 0.5, 2: 0.4999, 3: 7.0, 4: np.nan})
     actions = {v.segment.number: v.action for v in graph.vertices}
     assert actions == {0: None, 1: GRASP, 2: PUSH, 3: GRASP, 4: PUSH}
@@ -336,7 +343,7 @@ def test_leaves_are_tried_from_the_highest_weight_on() -> None:
 
 def test_what_hangs_on_a_leaf_that_cannot_be_moved_is_moved_instead() -> None:
     """Three in a row from the target: the outer one stays, so the middle one is next."""
-    chain = row(0.0, 0.05, 0.1)
+    chain = row(0.0, 0.05, 0.08)
     assert graph_of(*chain).next == 2
     graph = graph_of(*chain, tries=failures(0, 2, number=2))
     assert graph.next == 1

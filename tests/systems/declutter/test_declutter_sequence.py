@@ -161,8 +161,11 @@ class Robot:
 
 
 def row(*names: str) -> dict[int, Segment]:
-    """So many objects beside each other, 9 cm apart."""
-    return {k: rectangle(k, name, (0.5, 0.09 * k)) for k, name in enumerate(names)}
+    """An object and up to two more, 9 cm to its one side and its other."""
+    return {
+        k: rectangle(k, name, (0.5, y))
+        for k, (name, y) in enumerate(zip(names, (0.0, 0.09, -0.09), strict=False))
+    }
 
 
 def test_documented_ports_are_the_declared_ones() -> None:
@@ -200,12 +203,12 @@ def test_one_object_after_the_other_is_taken_away(graspable: tuple[int, ...]) ->
     robot = Robot(row("wineglass", "can", "sponge"), graspable=graspable).run()
     action = DeclutterAction.GRASP if graspable else DeclutterAction.PUSH
     assert [(r.object, r.action, r.number) for r in robot.requests] == [
-        (2, action, 1),
-        (1, action, 2),
+        (1, action, 1),
+        (2, action, 2),
     ]
     assert [(s.object, s.name, s.worked) for s in robot.progress.steps] == [
-        (2, "sponge", True),
         (1, "can", True),
+        (2, "sponge", True),
     ]
     assert (robot.progress.found, robot.progress.why) == (True, "")
     assert len(robot.views) == 3
@@ -323,7 +326,7 @@ def test_a_target_that_is_not_seen_any_more_is_where_it_was(instead: str) -> Non
     robot = Confused(row("wineglass", "can", "can"))
     robot.instead = instead
     robot.run()
-    assert [request.object for request in robot.requests] == [2, 1]
+    assert [request.object for request in robot.requests] == [1, 2]
     assert (robot.progress.found, robot.progress.why) == (False, NO_TARGET)
 
 

@@ -9,9 +9,13 @@ from pydrake.systems.framework import Context
 from pydrake.systems.sensors import ImageDepth32F, ImageGrey8U, ImageRgba8U
 
 from crossmodal.maths.pinhole import Intrinsics
-from crossmodal.systems.port_values import ObjectMasks, Segments, StampedImage
+from crossmodal.systems.port_values import ObjectMasks, Segment, Segments, StampedImage
 from crossmodal.systems.segmentation.network_input import CLASSES
-from crossmodal.systems.segmentation.segmenter import Segmenter, SegmenterConfig
+from crossmodal.systems.segmentation.segmenter import (
+    Segmenter,
+    SegmenterConfig,
+    greatest_height,
+)
 from tests.documented_ports import documented_ports
 
 CAMERA = Intrinsics(
@@ -99,10 +103,20 @@ def test_glass_is_as_high_as_it_can_be_whatever_depth_says() -> None:
     rig = Rig("wineglass")
     (glass,) = rig.look(1, [(104, 144)]).segments
     assert glass.top == 0.2
-    # It is outlined at half of that.
-    assert_allclose(glass.centroid, [0.5 - 0.5 / 288, 0.5 / 288], atol=1e-3)
-    assert_allclose(glass.contour.area, (30 * 0.5 / 288) ** 2, rtol=0.05)
+    # It is outlined as if it lay: .04 m above the table.
+    assert_allclose(glass.centroid, [0.5 - 0.56 / 288, 0.56 / 288], atol=1e-3)
+    assert_allclose(glass.contour.area, (30 * 0.56 / 288) ** 2, rtol=0.05)
     assert rig.masks().glass == {0: 0.2}
+
+
+@pytest.mark.parametrize(
+    ("length", "top"),
+    [(0.05, 0.2), (0.12, 0.2), (0.19, 0.08 + np.sqrt(0.2**2 - 0.19**2)), (0.21, 0.08)],
+)
+def test_glass_that_lies_is_not_as_high_as_it_is_long(length: float, top: float) -> None:
+    contour = shapely.box(0.0, 0.0, length, 0.08)
+    found = greatest_height(Segment(number=0, contour=contour), np.array([0.08, 0.2, 0.08]))
+    assert found == pytest.approx(top)
 
 
 def test_masks_say_which_pixels_show_which_object(rig: Rig) -> None:

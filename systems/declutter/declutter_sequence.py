@@ -1,6 +1,6 @@
 """The order of things in clutter: look, take away, look again, then seek the target's pose."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Any
@@ -15,6 +15,7 @@ from crossmodal.maths.immutable import Immutable
 from crossmodal.maths.validation import check, number
 from crossmodal.systems.declutter.around import AroundConfig, boxes_around, free_places, guess_of
 from crossmodal.systems.declutter.declutter_graph import NO_TARGET, TARGET_FREE
+from crossmodal.systems.declutter.displacement import displacement
 from crossmodal.systems.port_values import (
     NO_ACTION,
     NO_GRAPH,
@@ -90,6 +91,7 @@ class SequenceState(Immutable):
         request: The last action.
         outcome: What the arm said of it; empty once it is judged.
         scene: The last image that was judged.
+        rests: Where each object has come to rest, by its number.
         decided: Number of the image after which was decided what to do.
         tries: What has failed.
         progress: What was done.
@@ -108,6 +110,7 @@ class SequenceState(Immutable):
     request: ActionRequest = NO_ACTION
     outcome: str = ""
     scene: Segments = NO_SEGMENTS
+    rests: Mapping[int, Segment] = field(default_factory=dict)
     decided: int = 0
     tries: Tries = NO_TRIES
     progress: DeclutterProgress = NO_PROGRESS
@@ -115,28 +118,13 @@ class SequenceState(Immutable):
     obstacles: Boxes = ()
 
 
-def displacement(number: int, before: Segments, after: Segments) -> float:
-    """How far what was seen of an object has left its place [m]; infinite if it is not seen now.
-
-    Of the points of the outline before, four fifths are no farther from the object now. So one that
-    stays has gone nowhere when more of it is seen, nor when a fifth of its outline is wrong; of a
-    round one that moves it is four fifths of the way.
-
-    Raises:
-        KeyError: where it was not seen before.
-    """
-    was = {segment.number: segment for segment in before.segments}[number]
-    now = {segment.number: segment for segment in after.segments}.get(number)
-    if now is None:
-        return np.inf
-    lines = [part.exterior for part in shapely.get_parts(was.contour)]
-    shares = np.arange(0.0, 1.0, 0.01)
-    points = [shapely.line_interpolate_point(line, shares, normalized=True) for line in lines]
-    return float(np.quantile(shapely.distance(now.contour, np.concatenate(points)), 0.8))
-
-
 def judge(
-    request: ActionRequest, outcome: str, before: Segments, after: Segments, moved: float
+    request: ActionRequest,
+    outcome: str,
+    image: int,
+    rests: Mapping[int, Segment],
+    after: Segments,
+    moved: float,
 ) -> DeclutterStep:
     """What came of an action, by what is seen before and after it.
 
@@ -145,24 +133,49 @@ def judge(
     Args:
         request: The action.
         outcome: What the arm says of it.
-        before: All objects.
+        image: Number of the one by which it was chosen.
+        rests: All objects where they have rested before, by their numbers.
         after: All objects.
         moved: A displacement that is more than what two images of a thing at rest differ by, [m].
     """
-    shown = {segment.number for segment in before.segments}
-    displacements = {n: displacement(n, before, after) for n in shown}
-    own = displacements.pop(request.object)
-    name = next(s.name for s in before.segments if s.number == request.object)
-    others = tuple(sorted(n for n, d in displacements.items() if moved < d < np.inf))
+    now = {segment.number: segment for segment in after.segments}
+    ways = {n: displacement(segment, now[n]) for n, segment in rests.items() if n in now}
+    own = ways.pop(request.object, np.inf)
     return DeclutterStep(
+        image=image,
         object=request.object,
-        name=name,
+        name=rests[request.object].name,
         action=request.action,
         outcome=outcome,
         displacement=own,
         worked=own > moved and outcome != UNREACHABLE,
-        others=others,
+        others=tuple(sorted(n for n, way in ways.items() if way > moved)),
     )
+
+
+def resting_places(
+    rests: Mapping[int, Segment], after: Segments, moved: Collection[int]
+) -> dict[int, Segment]:
+    """Where all objects rest, the more of them is seen the better, by their numbers.
+
+    What has moved and what is new is where the image shows it. Other outlines are kept, so that
+    many small motions add up.
+
+    Args:
+        rests: The same before.
+        after: All objects.
+        moved: Numbers of those that were moved.
+    """
+    found = dict(rests)
+    for segment in after.segments:
+        before = rests.get(segment.number)
+        if (
+            before is None
+            or segment.number in moved
+            or (segment.contour.area > before.contour.area and displacement(before, segment) == 0.0)
+        ):
+            found[segment.number] = segment
+    return found
 
 
 class DeclutterSequence(RecursiveFilter):
@@ -291,9 +304,17 @@ class DeclutterSequence(RecursiveFilter):
 
     def _judged(self, state: SequenceState, scene: Segments) -> SequenceState:
         """With what the last action, if there was one, has done."""
-        tries, progress = state.tries, state.progress
+        tries, progress, moved = state.tries, state.progress, set[int]()
         if state.outcome:
-            step = judge(state.request, state.outcome, state.scene, scene, self._config.moved)
+            step = judge(
+                state.request,
+                state.outcome,
+                state.decided,
+                state.rests,
+                scene,
+                self._config.moved,
+            )
+            moved = {step.object, *step.others}
             progress = replace(progress, steps=(*progress.steps, step))
             if step.worked:
                 tries = tries.after_success()
@@ -302,7 +323,8 @@ class DeclutterSequence(RecursiveFilter):
             else:
                 tries = tries.with_failure(step.object, step.action, step.outcome == BLOCKED)
         tries = replace(tries, number=scene.number)
-        return replace(state, scene=scene, outcome="", tries=tries, progress=progress)
+        rests = resting_places(state.rests, scene, moved)
+        return replace(state, scene=scene, rests=rests, outcome="", tries=tries, progress=progress)
 
     def _decide(
         self, context: Context, state: SequenceState, graph: DeclutterGraph

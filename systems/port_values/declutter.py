@@ -286,15 +286,17 @@ class DeclutterStep(Immutable):
     """What came of an action, by the images before and after it.
 
     Attributes:
+        image: Number of the image by which it was chosen.
         object: Number of the object.
         name: Of its class; empty for none.
         action: By which it was to be taken away.
         outcome: What the arm says of it.
-        displacement: How far it has gone, [m]; infinite if it is not seen any more.
+        displacement: How far it has gone at least, [m]; infinite if it is not seen any more.
         worked: Whether it was moved.
         others: Numbers of the others that were moved, too.
     """
 
+    image: int
     object: int
     name: str
     action: DeclutterAction

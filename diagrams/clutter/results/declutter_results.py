@@ -82,13 +82,13 @@ def succeeded(step: DeclutterStep) -> bool:
 def step_pictures(record: EpisodeRecord) -> dict[str, "Callable[[], Figure]"]:
     """A picture of each image by which something was decided, by file name."""
     masks: dict[int, ObjectMasks] = {m.number: m for m in record.station_values("object_masks")}
-    steps = iter(_progress(record).steps)
+    steps = {step.image: step for step in _progress(record).steps}
     pictures: dict[str, Callable[[], Figure]] = {}
     for graph in _graphs(record):
-        title = graph.why
-        if graph.next >= 0:
-            step = next(steps, None)
-            title = "not judged" if step is None else _in_words(step)
+        step = steps.get(graph.number)
+        title = graph.why or "looked at again from elsewhere"
+        if step is not None:
+            title = _in_words(step)
         draw = partial(_picture, graph, masks.get(graph.number), title)
         pictures[f"step-{len(pictures) + 1:02d}.png"] = draw
     return pictures

@@ -403,7 +403,7 @@ class MoveObject(ArmTask):
         trail, (leg, *rest) = state.trail, state.legs or (Leg(phase=ActionPhase.RETREAT),)
         if state.leg.postures is not None and not (state.leg.undoes or leg.undoes):
             back = state.motion.back(time, q)
-            speed = max(state.leg.speed, self._config.descent_speed)
+            speed = max(state.leg.speed, self._config.carry_speed)
             trail = (*trail, replace(state.leg, postures=back, speed=speed))
         motion = resting(q) if leg.postures is None else self._leg_motion(leg, time)
         state = replace(state, leg=leg, motion=motion, trail=trail, legs=tuple(rest))

@@ -151,7 +151,8 @@ def finger_place(
 
 def swept(shape: shapely.Geometry, motion: Array) -> shapely.Geometry:
     """The hull of what a shape passes in a straight motion (2,), [m]."""
-    return shapely.GeometryCollection([shape, translate(shape, *motion)]).convex_hull
+    corners = shapely.get_coordinates(shape)
+    return shapely.multipoints(np.concatenate([corners, corners + motion])).convex_hull
 
 
 def spares(segment: Segment, target: Segment, motion: Array, clearance: float) -> bool:
@@ -165,7 +166,8 @@ def spares(segment: Segment, target: Segment, motion: Array, clearance: float) -
     if gap > _LENGTH:
         return bool(swept(before, motion).distance(target.contour) > min(clearance, gap) - _LENGTH)
     shares = np.linspace(0.0, 1.0, 1 + int(np.ceil(np.linalg.norm(motion) / _STEP)))
-    moved = [translate(before, *(share * motion)) for share in shares]
+    corners = shapely.get_coordinates(before)
+    moved = shapely.polygons(corners + shares[:, None, None] * motion)
     over = shapely.area(shapely.intersection(target.contour, moved))
     return bool(over.max() <= over[0] + _AREA)
 
@@ -188,12 +190,12 @@ def push_length(
         direction: Of the push (2,), a unit vector.
         config: Of the push.
     """
+    contours = np.array([other.contour for other in others], object)
     count = int(np.ceil((config.longest - config.shortest) / _LONGER - _LENGTH))
     for length in np.append(config.shortest + _LONGER * np.arange(count), config.longest):
         moved = translate(segment.contour, *(length * direction))
-        if moved.distance(target.contour) > config.clear - _LENGTH and not any(
-            moved.intersects(other.contour) for other in others
-        ):
+        far = moved.distance(target.contour) > config.clear - _LENGTH
+        if far and not shapely.intersects(moved, contours).any():
             return float(length)
     return config.longest
 
@@ -217,7 +219,8 @@ def hand_height(
         motion: Of the finger (2,), [m].
         config: With the distance between palm and objects.
     """
-    if any(swept(finger, motion).intersects(other.contour) for other in others):
+    contours = np.array([other.contour for other in others], object)
+    if shapely.intersects(swept(finger, motion), contours).any():
         return np.inf
     along = motion / np.linalg.norm(motion)
     frame = np.array([along, [-along[1], along[0]]])
@@ -226,8 +229,8 @@ def hand_height(
         shapely.box(*(-0.5 * np.array(PALM)), *(0.5 * np.array(PALM))), lambda p: middle + p @ frame
     )
     # The object goes ahead of the finger: what the palm is above, it is above all the way.
-    over = swept(palm, motion)
-    tops = [np.nan_to_num(s.top, nan=np.inf) for s in others if over.intersects(s.contour)]
+    below = shapely.intersects(swept(palm, motion), contours)
+    tops = [np.nan_to_num(s.top, nan=np.inf) for s, b in zip(others, below, strict=True) if b]
     if palm.intersects(segment.contour) and np.isfinite(segment.top):
         tops.append(segment.top)
     highest = max(tops, default=0.0)
@@ -290,15 +293,13 @@ def _push(
         safe = min(safe, max(segment.top - config.grip, config.lowest))
     # What is round is widest there, and is felt in the middle of the outer taxels.
     widest = 0.5 * np.nan_to_num(segment.top) - _TAXELS
+    offsets = _both_sides(config.aside, _ASIDE)
+    places = [finger_place(segment, direction, offset, config) for offset in offsets]
     why = SWEEPS
     for length in np.arange(wanted, config.shortest - _LENGTH, -_LONGER):
         if not spares(segment, target, length * direction, config.clearance):
             continue
-        for offset in _both_sides(config.aside, _ASIDE):
-            place = finger_place(segment, direction, offset, config)
-            if place is None:
-                continue
-            point, finger = place
+        for point, finger in (place for place in places if place is not None):
             motion = (config.gap + length) * direction
             if swept(finger, motion).distance(target.contour) < config.clearance:
                 continue

@@ -6,7 +6,7 @@ from itertools import combinations
 
 import numpy as np
 from pydrake.common import Parallelism
-from pydrake.geometry import Box
+from pydrake.geometry import Convex
 from pydrake.math import RigidTransform
 from pydrake.planning import RobotDiagram, SceneGraphCollisionChecker
 
@@ -38,6 +38,17 @@ class MotionPlannerConfig:
     restarts: int = number(10, at_least=0, at_most=10000)
     spread: float = number(0.8, above=0.0, at_most=10.0, unit="rad")
     shortcuts: int = number(60, at_least=0, at_most=100000)  # That are tried on a path.
+
+
+def box_vertices(edges: Array, X_WB: RigidTransform) -> Array:
+    """The corners (8, 3) in W of a box, as an obstacle, [m].
+
+    Args:
+        edges: Of the box (3,), [m].
+        X_WB: Of its middle.
+    """
+    signs = np.stack(np.meshgrid(*[[-0.5, 0.5]] * 3), axis=-1).reshape(-1, 3)
+    return np.asarray((X_WB @ (signs * edges).T).T)
 
 
 class MotionPlanner:
@@ -87,14 +98,14 @@ class MotionPlanner:
     def look_at(
         self,
         others: Mapping[str, Array],
-        obstacles: Sequence[tuple[Array, RigidTransform]] = (),
+        obstacles: Sequence[Array] = (),
         clearance: float | None = None,
     ) -> None:
-        """Takes over how other models stand, and which boxes are in the way.
+        """Takes over how other models stand, and what else is in the way.
 
         Args:
             others: Joint positions by the names of their models.
-            obstacles: Edges (3,) [m] and pose X_WB of each box.
+            obstacles: Vertices (N, 3) in W of each convex body, [m]; see `box_vertices`.
             clearance: Least distance from all that, instead of the configured one, [m].
         """
         padding = self._config.clearance if clearance is None else clearance
@@ -102,8 +113,11 @@ class MotionPlanner:
         for name, q in others.items():
             self._plant.SetPositionsInArray(self._plant.GetModelInstanceByName(name), q, self._q)
         self._checker.RemoveAllAddedCollisionShapes(_OBSTACLE)
-        for edges, X_WB in obstacles:
-            self._checker.AddCollisionShapeToBody(_OBSTACLE, self._world, Box(*edges), X_WB)
+        for vertices in obstacles:
+            shape = Convex(vertices.T, _OBSTACLE)
+            self._checker.AddCollisionShapeToBody(
+                _OBSTACLE, self._world, shape, RigidTransform.Identity()
+            )
 
     def is_free(self, q: Array) -> bool:
         """Whether the arm at `q` (n,) is within its limits and collides with nothing."""

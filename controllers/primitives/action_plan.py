@@ -1,6 +1,6 @@
 """The motions of an arm that takes an object away: straight lines near objects, a path to them."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Any
@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 
-from crossmodal.controllers.arm.motion_planner import MotionPlanner
+from crossmodal.controllers.arm.motion_planner import MotionPlanner, box_vertices
 from crossmodal.controllers.primitives.move_object_config import ActionPhase, MoveObjectConfig
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.immutable import Immutable
@@ -17,6 +17,7 @@ from crossmodal.models.gripper_taxels import PALM, TRAVEL
 _UP = np.array([0.0, 0.0, 1.0])
 _POSTURES = 4  # Of the arm, that are tried for one place of the gripper.
 _SHORT = 2e-3  # By which a straight line may end early, [m].
+_BESIDE = 0.06  # Places that are nearer to each other are alike, [m].
 _AROUND = 0.3  # Edge of the box around an object, of which only the height is known, [m].
 
 
@@ -113,7 +114,8 @@ class ActionPlanner:
             others: Joint positions of other models by their names.
         """
         top = self._top(request, plan.X_WE)
-        around = (np.array([_AROUND, _AROUND, top]), RigidTransform([*place, 0.5 * top]))
+        edges = np.array([_AROUND, _AROUND, top])
+        around = box_vertices(edges, RigidTransform([*place, 0.5 * top]))
         self._look(request, others, plan.opening, [around])
         path = self._planner.path(q_start, q_goal, np.random.default_rng(request.number))
         self._close()
@@ -170,23 +172,26 @@ class ActionPlanner:
                     break
 
     def _carried(self, request: Any, q: Array, p_WE: Array) -> tuple[Leg, ...] | None:
-        """Up, level and down again, to the first place where that is possible."""
+        """Up, level and down again, to the first place where that is possible.
+
+        Where it is not, it is not beside it either.
+        """
         config = self._config
-        tops = [edges[2] / 2 + X_WB[2, 3] for edges, X_WB in request.obstacles]
-        least = config.lift
-        wanted = max([least, *(top + config.above for top in tops)])
-        lift = self._planner.line(q, _UP, wanted)
-        height = self._planner.length(lift)
-        if height < least - _SHORT:
-            return None
-        for place in request.places:
+        failed = list[Array]()
+        for place, passed in zip(request.places, request.passed, strict=True):
+            if any(np.linalg.norm(place - other) < _BESIDE for other in failed):
+                continue
+            failed.append(place)
+            height = max(config.lift, passed + config.above)
+            lift = self._planner.line(q, _UP, height)
+            if self._planner.length(lift) < height - _SHORT:
+                continue
             way = np.append(place - p_WE[:2], 0.0)
             length = float(np.linalg.norm(way))
             level = self._planner.line(lift[-1], way / max(length, 1e-9), length)
             if self._planner.length(level) < length - _SHORT:
                 continue
-            free = height - config.above
-            fast = self._planner.line(level[-1], -_UP, free)
+            fast = self._planner.line(level[-1], -_UP, height - config.above)
             slow = self._planner.line(fast[-1], -_UP, height - self._planner.length(fast))
             if self._planner.length(fast) + self._planner.length(slow) < height - _SHORT:
                 continue
@@ -263,13 +268,12 @@ class ActionPlanner:
         request: Any,
         others: dict[str, Array],
         opening: float,
-        around: list[tuple[Array, RigidTransform]] | None = None,
+        around: Sequence[Array] = (),
     ) -> None:
         """What is in the way: with the object around, on the way to it, and near it without."""
-        boxes = [(edges, RigidTransform(X_WB)) for edges, X_WB in request.obstacles]
         self._planner.look_at(
             {**others, self._gripper: np.full(2, opening)},
-            boxes + (around or []),
+            [*request.obstacles, *around],
             None if around else self._config.near,
         )
 
@@ -278,8 +282,8 @@ def _top_near(request: Any, p_WE: Array) -> float:
     """Greatest height of the obstacles within the hand's reach of a place, zero for none, [m]."""
     reach = 0.5 * float(np.hypot(*PALM))
     tops = [
-        X_WB[2, 3] + 0.5 * edges[2]
-        for edges, X_WB in request.obstacles
-        if np.linalg.norm(X_WB[:2, 3] - p_WE[:2]) < reach + 0.5 * np.linalg.norm(edges[:2])
+        vertices[:, 2].max()
+        for vertices in request.obstacles
+        if np.linalg.norm(vertices[:, :2] - p_WE[:2], axis=1).min() < reach
     ]
     return float(max(tops, default=0.0))

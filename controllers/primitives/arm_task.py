@@ -10,7 +10,7 @@ from pydrake.systems.framework import Context
 
 from crossmodal.controllers.arm.joint_motion import JointMotion, rest_to_rest
 from crossmodal.controllers.arm.kinematics import ArmModel
-from crossmodal.controllers.arm.motion_planner import MotionPlanner
+from crossmodal.controllers.arm.motion_planner import MotionPlanner, box_vertices
 from crossmodal.controllers.arm.sequence import Sequence
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.validation import number
@@ -28,21 +28,16 @@ class TransitConfig:
     rest_time: float = number(0.3, at_least=0.0, at_most=60.0, unit="s")
 
 
-def believed_boxes(request: Any) -> list[tuple[Array, RigidTransform]]:
-    """The boxes that are thought to hold all objects, as obstacles of a planner.
+def believed_obstacles(request: Any) -> list[Array]:
+    """What is thought to hold all objects, as obstacles of a planner.
 
     Args:
         request: A view or a touch: `box_edges` (3,) [m], zero if unknown, and `X_WB` (4, 4) of the
-            object's; `obstacles`, edges and poses of all others.
+            object's box; `obstacles`, vertices (N, 3) of what holds the others.
     """
     is_known = np.any(request.box_edges)
-    own = [(request.box_edges, RigidTransform(request.X_WB))] if is_known else []
-    return own + other_boxes(request)
-
-
-def other_boxes(request: Any) -> list[tuple[Array, RigidTransform]]:
-    """The same without the object that is looked at or touched."""
-    return [(edges, RigidTransform(X_WB)) for edges, X_WB in request.obstacles]
+    own = [box_vertices(request.box_edges, RigidTransform(request.X_WB))] if is_known else []
+    return [*own, *request.obstacles]
 
 
 class ArmTask(Sequence):

@@ -60,14 +60,12 @@ class Grip(Immutable):
         met: Which fingers (2,) have met something.
         since: When both had, [s]; infinite before.
         force: Normal force of a finger that is wanted, [N].
-        width: Between the fingers as they began to lift something, [m].
     """
 
     command: Array = field(default_factory=lambda: np.zeros(2))
     met: Mask = field(default_factory=lambda: np.zeros(2, bool))
     since: float = np.inf
     force: float = 0.0
-    width: float = 0.0
 
     def moved(self, goal: float, step: float) -> "Grip":
         """The fingers' commands a step (>= 0) nearer to a goal, nothing being held, [m]."""
@@ -124,9 +122,13 @@ class Grip(Immutable):
         return replace(self, command=np.maximum(self.command - step, farthest), force=force)
 
     def has(self, forces: FingerForces, measured: Array, config: GripConfig) -> bool:
-        """Whether something is between the fingers: they are apart, as before, and press."""
-        least = max(self.width - config.least_width, config.least_width)
-        return bool(forces.normal.sum() > config.force and measured.sum() > least)
+        """Whether something is between the fingers: they are apart and press.
+
+        By their taxels or, since those do not cover all of a finger, by their drives.
+        """
+        drives = config.stiffness * np.maximum(measured - self.command, 0.0)
+        pressed = max(forces.normal.sum(), drives.sum()) > config.force
+        return bool(pressed and measured.sum() > config.least_width)
 
     def slips(self, forces: FingerForces, config: GripConfig) -> bool:
         """Whether even the largest force does not bear what is carried."""

@@ -16,8 +16,7 @@ from crossmodal.controllers.arm.motion_planner import MotionPlanner
 from crossmodal.controllers.primitives.arm_task import (
     ArmTask,
     TransitConfig,
-    believed_boxes,
-    other_boxes,
+    believed_obstacles,
 )
 from crossmodal.controllers.primitives.taxel_tare import TaxelTare, no_tare, tare
 from crossmodal.maths.arrays import Array, Ids
@@ -124,7 +123,7 @@ class GuardedTouch(ArmTask):
     Input ports:
     - those of `ArmTask`.
     - `touch_latest`: with `number`, `start`, `direction`, `reach`, the box `box_edges`, `X_WB`
-      that holds the object, the boxes `obstacles` of all others, and `done`.
+      that holds the object, what holds all others, `obstacles`, and `done`.
     - `taxel_measured`: (3 T,) forces on the taxels, [N].
     - `is_clear`: (1,) above 0.5 while the other arm is out of the way.
 
@@ -214,7 +213,7 @@ class GuardedTouch(ArmTask):
             waits = wanted.number <= state.number or self._is_clear.Eval(context)[0] < 0.5
         if waits:
             return replace(state, phase=TouchPhase.WAIT) if state.phase else state
-        self._planner.look_at(others, believed_boxes(wanted))
+        self._planner.look_at(others, believed_obstacles(wanted))
         if len(state.path) and not self._planner.is_free(here):
             # What is believed now holds the object here, too: it goes back the way it came.
             back = self._motion(np.vstack([here, state.path[::-1]]), context.get_time())
@@ -225,7 +224,7 @@ class GuardedTouch(ArmTask):
         line = touch_line(self._planner, wanted, [here, self._q_home], others, self._config)
         path = None
         if line is not None:
-            self._planner.look_at(others, believed_boxes(wanted))
+            self._planner.look_at(others, believed_obstacles(wanted))
             path = self._planner.path(here, line[0], np.random.default_rng(wanted.number))
         if line is None or path is None:
             end = TouchEnd(number=wanted.number, outcome=TouchOutcome.UNREACHABLE)
@@ -334,9 +333,9 @@ def touch_line(
         found = False
         for q in planner.postures(X_WE, guesses):
             found = True
-            planner.look_at(others, believed_boxes(wanted))
+            planner.look_at(others, believed_obstacles(wanted))
             is_free = planner.is_free(q)
-            planner.look_at(others, other_boxes(wanted))
+            planner.look_at(others, wanted.obstacles)
             line = planner.line(q, z, wanted.reach) if is_free else q[None]
             if planner.length(line) >= least:
                 return line

@@ -12,7 +12,7 @@ from pydrake.systems.framework import Context
 from crossmodal.controllers.arm.joint_motion import JointMotion, resting
 from crossmodal.controllers.arm.kinematics import ArmModel
 from crossmodal.controllers.arm.motion_planner import MotionPlanner
-from crossmodal.controllers.primitives.arm_task import ArmTask, TransitConfig, believed_boxes
+from crossmodal.controllers.primitives.arm_task import ArmTask, TransitConfig, believed_obstacles
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.immutable import Immutable
 from crossmodal.maths.validation import check, number
@@ -60,7 +60,7 @@ class Look(ArmTask):
     Input ports:
     - those of `ArmTask`.
     - `view_latest`: with `number` and `X_WC` (4, 4) of the view that is wanted, the box
-      `box_edges`, `X_WB` that holds the object, and the boxes `obstacles` of all others; or with
+      `box_edges`, `X_WB` that holds the object, and what holds all others, `obstacles`; or with
       `home`, if the camera is to be away.
     - `touch_latest`: with `number` and `done`; while a touch is wanted, the arm stays at home.
 
@@ -151,5 +151,5 @@ class Look(ArmTask):
         return self._planner.path(self._state(context).motion.knots[-1], goal, rng)
 
     def _look_around(self, context: Context) -> None:
-        boxes = believed_boxes(self._view.Eval(context))
-        self._planner.look_at(self._others_now(context), boxes)
+        obstacles = believed_obstacles(self._view.Eval(context))
+        self._planner.look_at(self._others_now(context), obstacles)

@@ -272,11 +272,10 @@ class MoveObject(ArmTask):
         config, grip = self._config.grip, state.grip
         if context.get_time() < grip.since + config.settling:
             return state
-        width = float(np.sum(self._fingers.Eval(context)))
         if not self._has(context, state):
             missed = replace(state, end=replace(state.end, outcome=ActionOutcome.MISSED))
             return self._begin(context, replace(missed, legs=(Leg(phase=ActionPhase.OPEN),)))
-        return self._begin(context, replace(state, grip=replace(grip, width=width)))
+        return self._begin(context, state)
 
     def _carry(self, context: Context, state: MoveState) -> MoveState:
         if not self._holds(context, state):

@@ -26,7 +26,7 @@ class GripConfig:
     load: float = number(0.4, above=0.0, at_most=2.0)
     # At the largest force, this much slips, or is about to.
     largest_load: float = number(0.5, above=0.0, at_most=2.0)
-    # Between the fingers: less is nothing, and by so much more they close when something is lost.
+    # Between the fingers: less is nothing.
     least_width: float = number(0.003, above=0.0, at_most=0.1, unit="m")
     # In which the force is reached once both fingers have met something.
     settling: float = number(0.4, above=0.0, at_most=60.0, unit="s")
@@ -49,7 +49,8 @@ class MoveObjectConfig:
     grasped: float = number(0.02, above=0.0, at_most=0.5, unit="m")
     # Above the object's top the straight way down begins.
     above: float = number(0.03, at_least=0.0, at_most=0.5, unit="m")
-    lift: float = number(0.15, above=0.0, at_most=1.0, unit="m")
+    # What is carried is lifted by so much at least.
+    lift: float = number(0.1, above=0.0, at_most=1.0, unit="m")
     # Force at which a push stops, as something is in its way, if it lasts for so long: light things
     # bounce. Two samples at 40 Hz.
     largest_push: float = number(8.0, above=0.0, at_most=100.0, unit="N")

@@ -21,7 +21,7 @@ from crossmodal.systems.port_values import (
     NO_TOUCH,
     NO_VIEW,
     UNKNOWN_POSE,
-    Boxes,
+    Bodies,
     ObjectPose,
     TouchRequest,
     ViewRequest,
@@ -75,8 +75,8 @@ class TouchPlanner(RecursiveFilter):
     - `object_pose`: `ObjectPose`, whose number tells that a measurement has come.
     - `view_latest`: `ViewRequest`, which says when no more views follow; may stay unconnected, then
       there are as many as the configuration says.
-    - `obstacles`: tuple of edges (3,) [m] and poses X_WB (4, 4) of boxes that hold all other
-      objects; may stay unconnected.
+    - `obstacles`: tuple of vertices (N, 3) in W of convex bodies that hold all other objects,
+      [m]; may stay unconnected.
 
     Output ports:
     - `touch_estimated`: `TouchRequest` for this tick's belief.
@@ -153,7 +153,9 @@ class TouchPlanner(RecursiveFilter):
         X_WB[:3, 3] += X_WB[:3, :3] @ (0.5 * (low + high))
         return high - low, X_WB
 
-    def _no_more(self, belief: ObjectPose, number: int, obstacles: Boxes, why: str) -> TouchRequest:
+    def _no_more(
+        self, belief: ObjectPose, number: int, obstacles: Bodies, why: str
+    ) -> TouchRequest:
         """No touch; the arm still has to find home around the objects."""
         edges, X_WB = self._box(belief)
         return TouchRequest(
@@ -161,7 +163,7 @@ class TouchPlanner(RecursiveFilter):
         )
 
     def _choose(
-        self, belief: ObjectPose, number: int, criterion: str, obstacles: Boxes
+        self, belief: ObjectPose, number: int, criterion: str, obstacles: Bodies
     ) -> TouchRequest:
         config, model = self._config, self._model
         rng = np.random.default_rng([self._seed, number])

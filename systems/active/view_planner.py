@@ -22,7 +22,7 @@ from crossmodal.systems.port_values import (
     NO_PRIOR,
     NO_VIEW,
     UNKNOWN_POSE,
-    Boxes,
+    Bodies,
     ObjectPose,
     PosePrior,
     ViewRequest,
@@ -106,8 +106,8 @@ class ViewPlanner(RecursiveFilter):
     - `pose_measurement`: `PoseMeasurement`, the last one.
     - `object_pose`: `ObjectPose`, which tells whether a view has changed the pose; may stay
       unconnected.
-    - `obstacles`: tuple of edges (3,) [m] and poses X_WB (4, 4) of boxes that hold all other
-      objects; may stay unconnected.
+    - `obstacles`: tuple of vertices (N, 3) in W of convex bodies that hold all other objects,
+      [m]; may stay unconnected.
 
     Output ports:
     - `view_latest`: `ViewRequest` of the last tick, from the state alone.
@@ -181,7 +181,7 @@ class ViewPlanner(RecursiveFilter):
         grid: OccupancyGrid,
         last: ViewRequest,
         number: int,
-        obstacles: Boxes,
+        obstacles: Bodies,
     ) -> ViewRequest:
         config = self._config
         centre = grid.corner + 0.5 * grid.cell * np.array(grid.log_odds.shape)

@@ -1,4 +1,4 @@
-"""What is around an object: boxes that hold the others, free places; and where about it is."""
+"""What is around an object: bodies that hold the others, free places; and where about it is."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,7 +9,10 @@ import shapely
 
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.validation import number, numbers
-from crossmodal.systems.port_values import Boxes, PosePrior, Segment, of_mesh
+from crossmodal.systems.port_values import Bodies, PosePrior, Segment, of_mesh
+
+_LEAST = 1e-5  # Area of the base of a body, [m^2].
+_CARRIED = 0.8  # Of a carried object's outline, so that it leaves what only touches it.
 
 
 @dataclass(kw_only=True)
@@ -30,7 +33,7 @@ class AroundConfig:
     near: float = number(0.1, at_least=0.0, at_most=10.0, unit="m")
     # Height of an object of which none was measured.
     unknown_top: float = number(0.3, above=0.0, at_most=2.0, unit="m")
-    # Of an object, along its longer edge, which is in a box of its own.
+    # Of an object, along its longer edge, which is in a body of its own.
     slab: float = number(0.05, above=0.0, at_most=10.0, unit="m")
     # Of the middle of what is seen of an object, along each axis; the standard deviation.
     middle_error: float = number(0.015, above=0.0, at_most=1.0, unit="m")
@@ -41,38 +44,71 @@ def top_of(segment: Segment, config: AroundConfig) -> float:
     return segment.top if np.isfinite(segment.top) else config.unknown_top
 
 
-def boxes_around(segments: Sequence[Segment], height: float, config: AroundConfig) -> Boxes:
-    """Edges (3,) [m] and X_WB (4, 4) of the middles of boxes that hold objects, from the table up.
+def bodies_around(segments: Sequence[Segment], height: float, config: AroundConfig) -> Bodies:
+    """Vertices (N, 3) [m] in W of upright prisms that hold objects, from the table up.
 
-    Along an object there is one after the other, so that they are not much larger than it is.
+    Along an object there is one after the other, so that together they are not much larger than it
+    is, though each is convex.
 
     Args:
         segments: The objects.
         height: Of the table in W, [m].
         config: With the height of objects whose height is unknown.
     """
-    boxes = []
+    bodies = []
     for segment in segments:
         corners = shapely.get_coordinates(segment.box)[:4]
         along, across = corners[1] - corners[0], corners[3] - corners[0]
         if np.linalg.norm(along) < np.linalg.norm(across):
             along, across = -across, along
-        length, top = float(np.linalg.norm(along)), top_of(segment, config)
+        length = float(np.linalg.norm(along))
         c, s = along / length
-        R = np.array([[c, -s], [s, c]])
-        outline = shapely.transform(segment.contour, lambda p, R=R: p @ R)
+        frame = np.array([[c, -s], [s, c]])
+        outline = shapely.transform(segment.contour, lambda p, frame=frame: p @ frame)
         left, low, _, high = outline.bounds
         ends = left + np.linspace(0.0, length, max(round(length / config.slab), 1) + 1)
         for start, end in pairwise(ends):
-            part = outline.intersection(shapely.box(start, low, end, high))
+            part = outline.intersection(shapely.box(start, low, end, high)).convex_hull
             if part.is_empty:
                 continue
-            x0, y0, x1, y1 = part.bounds
-            X_WB = np.eye(4)
-            X_WB[:2, :2] = R
-            X_WB[:3, 3] = [*(R @ [0.5 * (x0 + x1), 0.5 * (y0 + y1)]), height + 0.5 * top]
-            boxes.append((np.array([x1 - x0, y1 - y0, top]), X_WB))
-    return tuple(boxes)
+            if part.area < _LEAST:
+                part = part.buffer(np.sqrt(_LEAST))
+            base = shapely.get_coordinates(part) @ frame.T
+            bodies.append(
+                np.vstack(
+                    [
+                        np.column_stack([base, np.full(len(base), height + z)])
+                        for z in (0.0, top_of(segment, config))
+                    ]
+                )
+            )
+    return tuple(bodies)
+
+
+def passed_heights(
+    segment: Segment, others: Sequence[Segment], places: Array, config: AroundConfig
+) -> Array:
+    """How high that is (K,) which an object passes over on straight ways to places, [m].
+
+    What it touches when it sets out is beside it, and is not passed over unless it lies ahead.
+
+    Args:
+        segment: The object.
+        others: All others.
+        places: Where its centroid goes (K, 2), [m].
+        config: With the height of objects whose height is unknown.
+    """
+    corners = shapely.get_coordinates(segment.contour.convex_hull)
+    own = segment.centroid + _CARRIED * (corners - segment.centroid)
+    ways = (places - segment.centroid)[:, None]
+    passed = shapely.convex_hull(
+        shapely.multipoints(np.concatenate([own + 0.0 * ways, own + ways], axis=1))
+    )
+    found = np.zeros(len(places))
+    for other in others:
+        over = shapely.intersects(passed, other.contour)
+        found = np.where(over, np.maximum(found, top_of(other, config)), found)
+    return found
 
 
 def free_places(

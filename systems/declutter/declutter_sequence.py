@@ -13,7 +13,13 @@ from pydrake.systems.framework import Context
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.immutable import Immutable
 from crossmodal.maths.validation import check, number
-from crossmodal.systems.declutter.around import AroundConfig, boxes_around, free_places, guess_of
+from crossmodal.systems.declutter.around import (
+    AroundConfig,
+    bodies_around,
+    free_places,
+    guess_of,
+    passed_heights,
+)
 from crossmodal.systems.declutter.declutter_graph import NO_TARGET, TARGET_FREE
 from crossmodal.systems.declutter.displacement import displacement
 from crossmodal.systems.port_values import (
@@ -26,7 +32,7 @@ from crossmodal.systems.port_values import (
     NO_TRIES,
     NO_VIEW,
     ActionRequest,
-    Boxes,
+    Bodies,
     DeclutterAction,
     DeclutterGraph,
     DeclutterProgress,
@@ -96,7 +102,7 @@ class SequenceState(Immutable):
         tries: What has failed.
         progress: What was done.
         guess: Of the target's pose.
-        obstacles: Boxes that hold all but the target.
+        obstacles: Bodies that hold all but the target.
     """
 
     phase: DeclutterPhase = DeclutterPhase.LOOK
@@ -115,7 +121,7 @@ class SequenceState(Immutable):
     tries: Tries = NO_TRIES
     progress: DeclutterProgress = NO_PROGRESS
     guess: PosePrior = NO_PRIOR
-    obstacles: Boxes = ()
+    obstacles: Bodies = ()
 
 
 def judge(
@@ -141,6 +147,8 @@ def judge(
     now = {segment.number: segment for segment in after.segments}
     ways = {n: displacement(segment, now[n]) for n, segment in rests.items() if n in now}
     own = ways.pop(request.object, np.inf)
+    if outcome == UNREACHABLE:
+        ways = {}
     return DeclutterStep(
         image=image,
         object=request.object,
@@ -198,7 +206,7 @@ class DeclutterSequence(RecursiveFilter):
     - `action_request`: `ActionRequest`.
     - `tries`: `Tries`.
     - `pose_guess`: `PosePrior` of the target; `NO_PRIOR` until its pose is to be sought.
-    - `obstacles`: boxes that hold all but the target, as in `ActionRequest`.
+    - `obstacles`: bodies that hold all but the target, as in `ActionRequest`.
     - `declutter_progress`: `DeclutterProgress`.
 
     Frames: W world, C camera.
@@ -355,17 +363,18 @@ class DeclutterSequence(RecursiveFilter):
         action = vertex.action or DeclutterAction.PUSH
         failed = state.tries.count(graph.next, action)
         is_grasp = action is DeclutterAction.GRASP
+        around = self._config.around
+        places = free_places(vertex.segment, others, graph.vertices[0].segment, around)
         request = ActionRequest(
             number=state.request.number + 1,
             action=action,
             object=graph.next,
             grasps=found[failed:] or found if is_grasp else (),
             pushes=graph.pushes[failed:] or graph.pushes,
-            places=free_places(
-                vertex.segment, others, graph.vertices[0].segment, self._config.around
-            ),
+            places=places,
+            passed=passed_heights(vertex.segment, others, places, self._config.around),
             top=vertex.segment.top,
-            obstacles=boxes_around(others, self._height, self._config.around),
+            obstacles=bodies_around(others, self._height, self._config.around),
         )
         return replace(
             state, phase=DeclutterPhase.CLEAR, request=request, sides=0, unseen=0, centred=0
@@ -383,5 +392,5 @@ class DeclutterSequence(RecursiveFilter):
             request=replace(state.request, done=True),
             progress=replace(state.progress, done=True, found=target is not None, why=why),
             guess=guess,
-            obstacles=boxes_around(others, self._height, around),
+            obstacles=bodies_around(others, self._height, around),
         )

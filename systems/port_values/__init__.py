@@ -88,7 +88,7 @@ from crossmodal.systems.port_values.pose import (
     NO_TOUCH,
     NO_VIEW,
     UNKNOWN_POSE,
-    Boxes,
+    Bodies,
     ObjectPose,
     PoseMeasurement,
     PosePrior,

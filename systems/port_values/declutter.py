@@ -18,7 +18,7 @@ import shapely
 from crossmodal.maths.arrays import Array, Ids, unknown
 from crossmodal.maths.immutable import Immutable
 from crossmodal.maths.pinhole import Intrinsics
-from crossmodal.systems.port_values.pose import Boxes
+from crossmodal.systems.port_values.pose import Bodies
 
 _NOTHING: shapely.Geometry = shapely.Polygon()
 
@@ -264,9 +264,11 @@ class ActionRequest(Immutable):
         pushes: Likewise; empty for a grasp.
         places: Where a grasped object may be put down (K, 2), x and y in W of the frame E, the
             preferred one first, [m].
+        passed: Of each place, how high that is which the object passes over on a straight way
+            there (K,), above the table, [m].
         top: Height of the object above the table, [m]; NaN where it is not known.
-        obstacles: Edges (3,) [m] and poses X_WB (4, 4) of the middles of boxes that hold all other
-            objects; the gripper goes through none of them on its way.
+        obstacles: Vertices (N, 3) in W of convex bodies that hold all other objects, [m]; the
+            gripper goes through none of them on its way.
         done: Whether no more requests follow, so that the arm goes home.
     """
 
@@ -276,8 +278,9 @@ class ActionRequest(Immutable):
     grasps: tuple[Grasp, ...] = ()
     pushes: tuple[Push, ...] = ()
     places: Array = field(default_factory=lambda: np.zeros((0, 2)))
+    passed: Array = field(default_factory=lambda: np.zeros(0))
     top: float = np.nan
-    obstacles: Boxes = ()
+    obstacles: Bodies = ()
     done: bool = False
 
 

@@ -9,7 +9,7 @@ from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.immutable import Immutable
 
-Boxes = tuple[tuple[Array, Array], ...]  # Edges (3,) [m] and poses X_WB (4, 4) of their middles.
+Bodies = tuple[Array, ...]  # Vertices (N, 3) in W of convex bodies, [m].
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -204,8 +204,7 @@ class TouchRequest(Immutable):
         expected: Distance at which it is likely to meet the object, [m].
         box_edges: Edges (3,) of a box that is thought to hold the object, [m].
         X_WB: Pose (4, 4) of that box, its middle.
-        obstacles: Edges (3,) [m] and poses X_WB (4, 4) of the middles of boxes that hold all other
-            objects.
+        obstacles: Vertices (N, 3) in W of convex bodies that hold all other objects, [m].
         gain: What the touch is expected to teach, by the criterion that chose it.
         hit: Probability that it meets the object.
         done: Whether no more touches follow.
@@ -222,7 +221,7 @@ class TouchRequest(Immutable):
     expected: float = 0.0
     box_edges: Array = field(default_factory=lambda: np.zeros(3))
     X_WB: Array = field(default_factory=lambda: np.eye(4))
-    obstacles: Boxes = ()
+    obstacles: Bodies = ()
     gain: float = np.nan
     hit: float = np.nan
     done: bool = False
@@ -244,8 +243,7 @@ class ViewRequest(Immutable):
         box_edges: Edges (3,) of a box that is thought to hold the object, [m].
         X_WB: Pose (4, 4) of that box, its middle.
         home: Whether no view is wanted, and the camera is to be out of the way.
-        obstacles: Edges (3,) [m] and poses X_WB (4, 4) of the middles of boxes that hold all other
-            objects.
+        obstacles: Vertices (N, 3) in W of convex bodies that hold all other objects, [m].
         gain: By how much the view is expected to lower the entropy of the occupancy grid, [bit].
         candidates: X_WC (V, 4, 4) among which it was chosen.
         gains: Of these (V,), [bit].
@@ -257,7 +255,7 @@ class ViewRequest(Immutable):
     box_edges: Array = field(default_factory=lambda: np.zeros(3))
     X_WB: Array = field(default_factory=lambda: np.eye(4))
     home: bool = False
-    obstacles: Boxes = ()
+    obstacles: Bodies = ()
     gain: float = np.nan
     candidates: Array = field(default_factory=lambda: np.zeros((0, 4, 4)))
     gains: Array = field(default_factory=lambda: np.zeros(0))

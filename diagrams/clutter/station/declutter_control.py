@@ -8,6 +8,7 @@ from pydrake.math import RigidTransform
 from pydrake.systems.framework import OutputPort
 
 from crossmodal.controllers.arm.command_switch import CommandSwitch
+from crossmodal.controllers.arm.motion_planner import box_vertices
 from crossmodal.controllers.primitives.guarded_touch import GuardedTouch
 from crossmodal.controllers.primitives.look import Look
 from crossmodal.controllers.primitives.move_object import MoveObject
@@ -195,7 +196,8 @@ def _places(arms: BelievedArms, table: ViewRequest) -> list[Array]:
     found = []
     planner, home = arms.planners[CAMERA_ARM], arms.q_home[CAMERA_ARM]
     planner.look_at(
-        {TOUCH_ARM: arms.q_home[TOUCH_ARM]}, [(table.box_edges, RigidTransform(table.X_WB))]
+        {TOUCH_ARM: arms.q_home[TOUCH_ARM]},
+        [box_vertices(table.box_edges, RigidTransform(table.X_WB))],
     )
     for elevation in np.deg2rad(_ELEVATIONS):
         for azimuth in np.deg2rad(_AZIMUTHS):

@@ -6,7 +6,7 @@ import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import OutputPort
 
-from crossmodal.controllers.primitives.arm_task import believed_boxes
+from crossmodal.controllers.primitives.arm_task import believed_obstacles
 from crossmodal.controllers.primitives.guarded_touch import GuardedTouch, touch_line
 from crossmodal.controllers.primitives.look import Look
 from crossmodal.diagrams.clutter.robot_config import (
@@ -86,7 +86,7 @@ def add_control(
 
     def can_look(request: ViewRequest) -> bool:
         planner = planners[CAMERA_ARM]
-        planner.look_at({TOUCH_ARM: q_home[TOUCH_ARM]}, believed_boxes(request))
+        planner.look_at({TOUCH_ARM: q_home[TOUCH_ARM]}, believed_obstacles(request))
         guesses = [q_home[CAMERA_ARM]]
         return planner.posture(RigidTransform(request.X_WC), guesses) is not None
 

@@ -8,14 +8,14 @@ from known_scene import CAMERA_AWAY, pose_at, touch_arm, touch_planner
 from numpy.testing import assert_allclose, assert_array_equal
 from pydrake.math import RigidTransform, RotationMatrix
 
-from crossmodal.controllers.arm.motion_planner import MotionPlanner
+from crossmodal.controllers.arm.motion_planner import MotionPlanner, box_vertices
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
 from crossmodal.plants.robots.ur5 import UR5_HOME
 
 ASIDE = UR5_HOME + np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
 HALFWAY = pose_at(touch_arm(), 0.5 * (UR5_HOME + ASIDE))[:3, 3]
-CUBE = (np.full(3, 0.1), RigidTransform(HALFWAY))
+CUBE = box_vertices(np.full(3, 0.1), RigidTransform(HALFWAY))
 ABOVE_TABLE = RigidTransform(RotationMatrix.MakeXRotation(np.pi), [0.55, 0.1, 0.25])
 DOWN = np.array([0.0, 0.0, -1.0])
 
@@ -79,7 +79,7 @@ def test_the_same_seed_gives_the_same_path(planner: MotionPlanner) -> None:
 
 
 def test_there_is_no_path_from_or_to_where_something_is_hit(planner: MotionPlanner) -> None:
-    blocked = (CUBE[0], RigidTransform(pose_at(touch_arm(), ASIDE)[:3, 3]))
+    blocked = CUBE - HALFWAY + pose_at(touch_arm(), ASIDE)[:3, 3]
     planner.look_at(CAMERA_AWAY, [blocked])
     assert planner.path(UR5_HOME, ASIDE, np.random.default_rng(0)) is None
     assert planner.path(ASIDE, UR5_HOME, np.random.default_rng(0)) is None
@@ -90,7 +90,7 @@ def test_there_is_no_path_from_or_to_where_something_is_hit(planner: MotionPlann
 def test_what_stands_around_is_kept_clear_of() -> None:
     """A box 5 mm below the fingers' ends."""
     p = pose_at(touch_arm(), UR5_HOME)[:3, 3]
-    box = (np.array([0.1, 0.1, 0.02]), RigidTransform(p - [0.0, 0.0, 0.015]))
+    box = box_vertices(np.array([0.1, 0.1, 0.02]), RigidTransform(p - [0.0, 0.0, 0.015]))
     for clearance, is_free in ((0.01, False), (0.001, True)):
         planner = touch_planner(clearance=clearance)
         planner.look_at(CAMERA_AWAY, [box])

@@ -52,6 +52,9 @@ def test_what_no_taxel_feels_is_met_and_not_crushed() -> None:
     grip = grip_of(sides, np.zeros(2), feels=False)
     assert grip.met.all()
     assert np.all(pressed_with(grip, sides) < 1.05 * CONFIG.largest_force)
+    nothing = FingerForces(normal=np.zeros(2), shear=np.zeros(2))
+    assert grip.has(nothing, sides, CONFIG)
+    assert not grip_of(np.zeros(2), np.zeros(2)).has(nothing, np.zeros(2), CONFIG)
 
 
 def test_fingers_that_meet_nothing_close() -> None:
@@ -64,18 +67,20 @@ def test_fingers_that_meet_nothing_close() -> None:
     [
         (10.0, 3.0, 0.06, 5.0, True),
         (3.0, 1.0, 0.06, 5.0, False),
-        (10.0, 3.0, 0.05, 5.0, False),
+        (10.0, 3.0, 0.05, 5.0, True),  # It has turned between the fingers.
+        (10.0, 3.0, 0.002, 5.0, False),
         (18.0, 10.0, 0.06, 9.0, False),
         (10.0, 5.5, 0.06, 6.9, True),
     ],
-    ids=["held", "weak", "closed", "slips", "more force follows"],
+    ids=["held", "weak", "narrower", "closed", "slips", "more force follows"],
 )
 def test_something_is_held_or_not(
     normal: float, load: float, width: float, force: float, holds: bool
 ) -> None:
-    grip = Grip(met=np.ones(2, bool), force=force, width=0.06)
+    fingers = np.full(2, 0.5 * width)
+    grip = Grip(met=np.ones(2, bool), force=force, command=fingers)
     forces = FingerForces(normal=np.full(2, 0.5 * normal), shear=np.array([0.0, load]))
-    has = grip.has(forces, np.full(2, 0.5 * width), CONFIG)
+    has = grip.has(forces, fingers, CONFIG)
     assert (has and not grip.slips(forces, CONFIG)) == holds
 
 

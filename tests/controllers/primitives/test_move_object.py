@@ -9,9 +9,10 @@ import shapely
 from known_scene import pose_at, touch_arm, touch_planner
 from numpy.testing import assert_allclose, assert_array_equal
 from pydrake.common.value import AbstractValue
+from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 
-from crossmodal.controllers.arm.motion_planner import MotionPlanner
+from crossmodal.controllers.arm.motion_planner import MotionPlanner, box_vertices
 from crossmodal.controllers.primitives.arm_task import TransitConfig
 from crossmodal.controllers.primitives.move_object import MoveObject
 from crossmodal.controllers.primitives.move_object_config import (
@@ -50,8 +51,11 @@ GRASP = ActionRequest(
     object=4,
     grasps=(Grasp(X_WE=X_GRASP, width=0.08, quality=0.9),),
     places=np.array([PLACE]),
+    passed=np.zeros(1),
     top=0.1,
 )
+# Where a finger would come down.
+BESIDE = box_vertices(np.array([0.2, 0.02, 0.24]), RigidTransform([AT[0], AT[1] + 0.03, 0.12]))
 GAP = 0.005
 PUSH = ActionRequest(
     number=1,
@@ -277,18 +281,14 @@ def test_what_stops_the_fingers_just_before_the_grasp_is_the_table(planner: Moti
     "change",
     [
         {"grasps": (replace(GRASP.grasps[0], X_WE=np.diag([1.0, -1.0, -1.0, 1.0])),)},
-        {"places": np.array([[0.55, 2.0]])},
-        {"obstacles": ((np.array([0.2, 0.02, 0.24]), np.eye(4) + 0.0),)},
+        {"places": np.array([[0.55, 2.0]]), "passed": np.zeros(1)},
+        {"obstacles": (BESIDE,)},
     ],
     ids=["grasp", "place", "obstacle"],
 )
 def test_what_cannot_be_done_is_reported_and_the_next_one_is_done(
     planner: MotionPlanner, change: dict[str, Any]
 ) -> None:
-    if "obstacles" in change:  # Where a finger would come down.
-        ((edges, X_WB),) = change["obstacles"]
-        X_WB[:3, 3] = [AT[0], AT[1] + 0.03, 0.12]
-        change = {"obstacles": ((edges, X_WB),), "grasps": GRASP.grasps}
     trial = Trial(planner, World())
     trial.ask(replace(GRASP, **change))
     end = trial.run(longest=1.0)

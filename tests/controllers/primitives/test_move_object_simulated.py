@@ -6,12 +6,13 @@ import shapely
 from object_scene import ObjectScene
 from pydrake.math import RigidTransform
 
+from crossmodal.controllers.arm.motion_planner import box_vertices
 from crossmodal.controllers.primitives.arm_task import TransitConfig
 from crossmodal.controllers.primitives.move_object_config import GripConfig, MoveObjectConfig
 from crossmodal.systems.port_values import ActionRequest, DeclutterAction, Grasp, Push
 
 CAN, BOX = RigidTransform([0.6, -0.1, 0.0]), RigidTransform([0.6, 0.03, 0.0])
-BOXED = (np.array([0.16, 0.11, 0.06]), RigidTransform([0.6, 0.03, 0.03]).GetAsMatrix4())
+BOXED = box_vertices(np.array([0.16, 0.11, 0.06]), RigidTransform([0.6, 0.03, 0.03]))
 X_GRASP = np.eye(4)
 X_GRASP[:3, :3] = np.diag([1.0, -1.0, -1.0])
 X_GRASP[:3, 3] = [0.6, -0.1, 0.04]
@@ -20,6 +21,7 @@ GRASP = ActionRequest(
     action=DeclutterAction.GRASP,
     grasps=(Grasp(X_WE=X_GRASP, width=0.086, quality=0.9),),
     places=np.array([[0.68, -0.2]]),
+    passed=np.zeros(1),
     top=0.115,
     obstacles=(BOXED,),
 )

@@ -11,53 +11,63 @@ from shapely import affinity
 
 from crossmodal.systems.declutter.around import (
     AroundConfig,
-    boxes_around,
+    bodies_around,
     free_places,
     guess_of,
+    passed_heights,
 )
-from crossmodal.systems.port_values import Segment, of_middle
+from crossmodal.systems.port_values import Bodies, Segment, of_middle
 from crossmodal.systems.pose.target_model import make_target
 from tests.systems.declutter.scenes import random_scene, rectangle
 
 CONFIG = AroundConfig()
 EDGES = np.array([0.06, 0.06, 0.2])
-CORNERS = ((-1, -1), (1, -1), (1, 1), (-1, 1))
+
+
+def bases(bodies: Bodies) -> list[shapely.Geometry]:
+    return [shapely.MultiPoint(vertices[:, :2]).convex_hull for vertices in bodies]
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.7, -1.2])
-def test_a_box_holds_its_object_and_no_more(angle: float) -> None:
+def test_a_body_holds_its_object_and_no_more(angle: float) -> None:
     segment = replace(rectangle(1, "can", (0.5, 0.1), (0.2, 0.06), angle), top=np.nan)
-    ((edges, X_WB),) = boxes_around([segment], 0.01, replace(CONFIG, slab=1.0))
-    assert_allclose(sorted(edges), [0.06, 0.2, CONFIG.unknown_top], atol=1e-12)
-    assert_allclose(X_WB[:3, 3], [0.5, 0.1, 0.01 + 0.5 * CONFIG.unknown_top], atol=1e-12)
-    assert_allclose(X_WB[:3, :3] @ X_WB[:3, :3].T, np.eye(3), atol=1e-12)
-    corners = shapely.get_coordinates(segment.contour)[:4] - X_WB[:2, 3]
-    inside = np.abs(corners @ X_WB[:2, :2])
-    assert_allclose(inside, np.tile(0.5 * edges[:2], (4, 1)), atol=1e-12)
+    bodies = bodies_around([segment], 0.01, replace(CONFIG, slab=1.0))
+    (base,) = bases(bodies)
+    assert base.symmetric_difference(segment.contour).area < 1e-12
+    assert_allclose(np.unique(bodies[0][:, 2]), [0.01, 0.01 + CONFIG.unknown_top])
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_boxes_along_an_object_hold_all_of_it_and_are_smaller_than_one(seed: int) -> None:
+def test_bodies_along_an_object_hold_all_of_it_and_little_more(seed: int) -> None:
     angle = np.random.default_rng(seed).uniform(-np.pi, np.pi)
-    wedge = shapely.Polygon([(0.0, -0.05), (0.2, -0.01), (0.2, 0.01), (0.0, 0.05)])
-    segment = Segment(number=0, contour=affinity.rotate(wedge, angle, use_radians=True))
-    boxes = boxes_around([segment], 0.0, CONFIG)
-    assert len(boxes) == 4
-    shapes = [
-        shapely.Polygon(
-            X_WB[:2, 3] + 0.5 * edges[:2] * [[a, b] for a, b in CORNERS] @ X_WB[:2, :2].T
-        )
-        for edges, X_WB in boxes
-    ]
-    union = shapely.union_all(shapes).buffer(1e-9)
-    assert union.contains(segment.contour)
-    assert union.area < 0.7 * segment.box.area + 1e-6 < segment.box.area
+    corner = shapely.Polygon(
+        [(0.0, 0.0), (0.2, 0.0), (0.2, 0.04), (0.06, 0.04), (0.06, 0.15), (0.0, 0.15)]
+    )
+    segment = Segment(number=0, contour=affinity.rotate(corner, angle, use_radians=True))
+    union = shapely.union_all(bases(bodies_around([segment], 0.0, CONFIG)))
+    assert union.buffer(1e-9).contains(segment.contour)
+    assert union.area < 1.2 * segment.contour.area < 0.9 * segment.contour.convex_hull.area
 
 
-def test_a_known_height_is_that_of_the_box() -> None:
+def test_a_known_height_is_that_of_the_body() -> None:
     segment = Segment(number=0, contour=shapely.box(0.0, 0.0, 0.1, 0.1), top=0.07)
-    for edges, X_WB in boxes_around([segment], 0.0, CONFIG):
-        assert_allclose([edges[2], X_WB[2, 3]], [0.07, 0.035])
+    for vertices in bodies_around([segment], 0.0, CONFIG):
+        assert_allclose(np.unique(vertices[:, 2]), [0.0, 0.07])
+
+
+def test_a_grain_has_a_body_with_a_volume() -> None:
+    segment = Segment(number=0, contour=shapely.box(0.0, 0.0, 1e-4, 1e-4), top=0.07)
+    ((base),) = bases(bodies_around([segment], 0.0, CONFIG))
+    assert base.area > 1e-5
+
+
+def test_what_lies_on_the_way_is_passed_over_and_what_lies_beside_is_not() -> None:
+    own = rectangle(0, "can", (0.4, 0.0), (0.06, 0.06))
+    beside = replace(rectangle(1, "oil", (0.4, 0.06), (0.06, 0.06)), top=0.3)
+    ahead = replace(rectangle(2, "box", (0.55, 0.0), (0.04, 0.04)), top=0.12)
+    places = np.array([[0.4, -0.3], [0.7, 0.0], [0.4, 0.3], [0.5, 0.0]])
+    found = passed_heights(own, [beside, ahead], places, CONFIG)
+    assert_allclose(found, [0.0, 0.12, 0.3, 0.0])
 
 
 @pytest.mark.parametrize("seed", range(5))

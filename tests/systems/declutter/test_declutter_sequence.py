@@ -273,9 +273,13 @@ def test_what_the_arm_cannot_begin_fails_without_the_camera_leaving() -> None:
     view = robot.read("view_latest")
     assert (view.number, view.home) == (2, False)  # type: ignore[attr-defined]
     # Whatever the next image makes of it.
-    rests = {1: rectangle(1, "can", (0.5, 0.0))}
-    step = judge(robot.read("action_request"), UNREACHABLE, 3, rests, image(), 0.02)  # type: ignore[arg-type]
+    rests = {n: rectangle(n, "can", (0.5, 0.1 * n)) for n in (1, 2)}
+    shown = image(rectangle(2, "can", (0.6, 0.2)))
+    step = judge(robot.read("action_request"), UNREACHABLE, 3, rests, shown, 0.02)  # type: ignore[arg-type]
     assert (step.worked, step.displacement, step.image) == (False, np.inf, 3)
+    assert step.others == ()
+    step = judge(robot.read("action_request"), "slipped", 3, rests, shown, 0.02)  # type: ignore[arg-type]
+    assert (step.worked, step.others) == (True, (2,))
 
 
 def test_a_target_that_is_hidden_is_looked_for_from_elsewhere() -> None:

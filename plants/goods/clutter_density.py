@@ -90,6 +90,20 @@ def measure_density(poses: Mapping[str, RigidTransform], target: str) -> Clutter
     )
 
 
+def nearer_than(poses: Mapping[str, RigidTransform], target: str, distance: float) -> list[str]:
+    """Names of the objects that are nearer to a target than that [m], in order.
+
+    Args:
+        poses: X_WO by the names of models in models/sdf/goods.
+        target: One of them.
+        distance: Between surfaces, above zero, [m].
+    """
+    scene = GoodsScene(list(poses), poses[target].translation() * [1.0, 1.0, 0.0])
+    scene.place(poses)
+    near = {name for pair in scene.distances(distance) if target in pair for name in pair}
+    return sorted(near - {target})
+
+
 def _look_at(p_WMiddle: Array, elevation: float, azimuth: float) -> RigidTransform:
     """X_WC of a camera that looks at a point, z forward and y down or towards the horizon."""
     z = -np.array(

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from crossmodal.diagrams.clutter.results.graph_picture import graph_picture
-from crossmodal.diagrams.clutter.scenario import object_names
+from crossmodal.diagrams.clutter.scenario import object_names, target_name
 from crossmodal.diagrams.run.experiment import Metric
 from crossmodal.diagrams.run.record import EpisodeRecord
+from crossmodal.plants.goods.clutter_density import nearer_than
 from crossmodal.systems.declutter.declutter_sequence import LEFT_ALONE, UNREACHABLE
 from crossmodal.systems.port_values import (
     NO_PROGRESS,
@@ -39,8 +40,9 @@ def declutter_summary(record: EpisodeRecord) -> dict[str, Any]:
 
     An action worked if its object is not where it was any more, and all went well. `in_the_way` is
     how many objects hung together with the target in the first image that showed it, `is_free`
-    whether none does at the end. `target_moved` is how far the target was truly moved by all
-    actions, `target_noticed` whether an image showed that it was.
+    whether none does at the end. `near_before` and `near_after` are the names of those that truly
+    were nearer to it than `declutter.near`. `target_moved` is how far the target was truly moved
+    by all actions, `target_noticed` whether an image showed that it was.
     """
     progress = _progress(record)
     targets = {graph.vertices[0].segment.number for graph in _graphs(record) if graph.vertices}
@@ -50,6 +52,8 @@ def declutter_summary(record: EpisodeRecord) -> dict[str, Any]:
         "density": asdict(density[0]) if density else None,
         "actions": [_action(progress, k) for k in range(len(progress.steps))],
         "in_the_way": next((len(g.vertices) - 1 for g in _graphs(record) if g.vertices), None),
+        "near_before": _truly_near(record, 0),
+        "near_after": _truly_near(record, cleared_at(record) if progress.done else -1),
         "target_found": progress.found,
         "is_free": progress.done and not progress.why,
         "ended": progress.why or ("the target is free" if progress.done else "not yet"),
@@ -123,6 +127,18 @@ def _action(progress: DeclutterProgress, k: int) -> dict[str, Any]:
     }
 
 
+def _truly_near(record: EpisodeRecord, tick: int) -> list[str] | None:
+    """Names of the objects that are in the target's way; None where the truth is not known."""
+    scenario = record.scenario
+    ports = {target_name(scenario): "cheat_object_pose"}
+    ports |= {name: f"cheat_{name}_pose" for name in object_names(scenario)}
+    values = record.station[tick].values
+    if not all(port in values for port in ports.values()):
+        return None
+    poses = {name: values[port] for name, port in ports.items()}
+    return nearer_than(poses, target_name(scenario), scenario.declutter.near)
+
+
 def _target_moved(record: EpisodeRecord) -> float | None:
     """From the begin to when no more is cleared away, [m]; None where the truth is not known."""
     poses = record.station_values("cheat_object_pose")
@@ -169,6 +185,13 @@ def declutter_metrics() -> list[Metric]:
         count = summary["clutter"]["in_the_way"]
         return len(_begun(summary)) / count if count else None
 
+    def near(when: str) -> Callable[[Mapping[str, Any]], float | None]:
+        def value(summary: Mapping[str, Any]) -> float | None:
+            names = summary["clutter"][f"near_{when}"]
+            return None if names is None else float(len(names))
+
+        return value
+
     def unnoticed(summary: Mapping[str, Any]) -> bool:
         clutter = summary["clutter"]
         return bool((clutter["target_moved"] or 0.0) > _MOVED and not clutter["target_noticed"])
@@ -206,6 +229,16 @@ def declutter_metrics() -> list[Metric]:
             by_estimator=False,
             title="actions for each object that was in the way",
             cell=mean_and_deviation,
+        ),
+        *(
+            Metric(
+                name=f"near_{when}",
+                value=near(when),
+                by_estimator=False,
+                title=f"objects that truly were in the way {when}",
+                cell=mean_and_deviation,
+            )
+            for when in ("before", "after")
         ),
         Metric(
             name="is_free",

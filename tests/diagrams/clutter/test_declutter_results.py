@@ -15,6 +15,7 @@ from crossmodal.diagrams.clutter.results.declutter_results import (
     declutter_summary,
     step_pictures,
 )
+from crossmodal.diagrams.clutter.scenario import object_names
 from crossmodal.diagrams.run.calibration import Calibration
 from crossmodal.diagrams.run.record import EpisodeRecord, Tick
 from crossmodal.plants.goods.clutter_density import NO_DENSITY
@@ -39,15 +40,28 @@ from tests.systems.declutter.scenes import image, rectangle
 GRASP, PUSH = DeclutterAction.GRASP, DeclutterAction.PUSH
 STEPS = (
     DeclutterStep(
-        object=1, name="can", action=GRASP, outcome=UNREACHABLE, displacement=0.001, worked=False
+        image=1,
+        object=1,
+        name="can",
+        action=GRASP,
+        outcome=UNREACHABLE,
+        displacement=0.001,
+        worked=False,
     ),
     DeclutterStep(
-        object=1, name="can", action=GRASP, outcome="slipped", displacement=0.004, worked=False
+        image=2,
+        object=1,
+        name="can",
+        action=GRASP,
+        outcome="slipped",
+        displacement=0.004,
+        worked=False,
     ),
     DeclutterStep(
-        object=1, name="can", action=GRASP, outcome="placed", displacement=0.3, worked=True
+        image=3, object=1, name="can", action=GRASP, outcome="placed", displacement=0.3, worked=True
     ),
     DeclutterStep(
+        image=4,
         object=2,
         name="",
         action=PUSH,
@@ -73,6 +87,7 @@ def made(progress: DeclutterProgress) -> EpisodeRecord:
         shown = image(*scene, number=number)
         graphs.append(declutter_graph(shown, "wineglass", {1: 0.9}, NO_TRIES, DeclutterConfig()))
     station = []
+    beside, taken = object_names(scenario)
     for k, graph in enumerate(graphs):
         done = replace(progress, done=False, why="") if k + 1 < len(graphs) else progress
         steps = progress.steps[: max(k - 1, 0)]
@@ -82,6 +97,9 @@ def made(progress: DeclutterProgress) -> EpisodeRecord:
             "object_masks": NO_MASKS,
             "cheat_clutter_density": replace(NO_DENSITY, hidden_above=0.4),
             "cheat_object_pose": RigidTransform([0.5 + 0.03 * (k > 3), 0.0, 0.1]),
+            # The first one stays by the target's side, the other one is taken away.
+            f"cheat_{beside}_pose": RigidTransform([0.5, 0.07, 0.1]),
+            f"cheat_{taken}_pose": RigidTransform([0.5, -0.07 - 0.3 * (k > 3), 0.1]),
         }
         station.append(Tick(time=10.0 * k, values=values))
     return EpisodeRecord(
@@ -110,6 +128,9 @@ def test_actions_are_counted_by_object_and_kind(record: EpisodeRecord) -> None:
     assert found["actions"][3]["displacement"] is None
     assert (found["in_the_way"], found["is_free"]) == (2, True)
     assert found["ended"] == f"the {TARGET_FREE}"
+    beside, taken = object_names(record.scenario)
+    assert found["near_before"] == sorted([beside, taken])
+    assert found["near_after"] == [beside]
 
 
 def test_a_target_that_was_moved_and_seen_to_be_is_noticed(record: EpisodeRecord) -> None:
@@ -132,6 +153,8 @@ def test_metrics_count_what_was_begun(record: EpisodeRecord) -> None:
         "push_count": 1.0,
         "push_done": 1.0,
         "actions_per_object": 1.5,
+        "near_before": 2.0,
+        "near_after": 1.0,
         "is_free": True,
         "hidden_above": 0.4,
         "moved_unnoticed": False,

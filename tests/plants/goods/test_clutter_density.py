@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pydrake.math import RigidTransform, RollPitchYaw
 
-from crossmodal.plants.goods.clutter_density import ClutterDensity, measure_density
+from crossmodal.plants.goods.clutter_density import ClutterDensity, measure_density, nearer_than
 
 CAN = RigidTransform(np.array([0.5, 0.0, 0.0]))  # 115 mm high, 33 mm of radius.
 
@@ -51,3 +51,14 @@ def test_pairs_touch_up_to_a_millimetre() -> None:
 def test_the_target_must_be_in_the_scene() -> None:
     with pytest.raises(ValueError, match="no target 'oil' in the scene; there are can"):
         measure_density({"can": CAN}, "oil")
+
+
+def test_what_is_near_is_told_by_the_distance_between_surfaces() -> None:
+    poses = {
+        "can": CAN,
+        "black_box": RigidTransform(np.array([0.5 + 0.08 + 0.033 + 0.05, 0.0, 0.0])),
+        "oil": RigidTransform(np.array([0.5, 0.6, 0.0])),
+    }
+    assert nearer_than(poses, "can", 0.06) == ["black_box"]
+    assert nearer_than(poses, "can", 0.04) == []
+    assert nearer_than(poses, "oil", 1.0) == ["black_box", "can"]

@@ -1,6 +1,6 @@
 """What clearing the way comes to: the actions, what they did, and what moved besides."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -38,20 +38,22 @@ _DONE = {DeclutterAction.GRASP: "placed", DeclutterAction.PUSH: "pushed"}
 def declutter_summary(record: EpisodeRecord) -> dict[str, Any]:
     """What `summary.json` says of it, SI: the objects, the actions in order, why it ended.
 
-    An action worked if its object is not where it was any more, and all went well. `in_the_way` is
+    An action worked if its object is not where it was any more, and all went well; it is
+    `out_of_the_way` if it hangs on the target no more in the next image. `in_the_way` is
     how many objects hung together with the target in the first image that showed it, `is_free`
     whether none does at the end. `near_before` and `near_after` are the names of those that truly
     were nearer to it than `declutter.near`. `target_moved` is how far the target was truly moved
     by all actions, `target_noticed` whether an image showed that it was.
     """
     progress = _progress(record)
-    targets = {graph.vertices[0].segment.number for graph in _graphs(record) if graph.vertices}
+    graphs = _graphs(record)
+    targets = {graph.vertices[0].segment.number for graph in graphs if graph.vertices}
     density = record.station_values("cheat_clutter_density")
     return {
         "objects": object_names(record.scenario),
         "density": asdict(density[0]) if density else None,
-        "actions": [_action(progress, k) for k in range(len(progress.steps))],
-        "in_the_way": next((len(g.vertices) - 1 for g in _graphs(record) if g.vertices), None),
+        "actions": [_action(progress, graphs, k) for k in range(len(progress.steps))],
+        "in_the_way": next((len(g.vertices) - 1 for g in graphs if g.vertices), None),
         "near_before": _truly_near(record, 0),
         "near_after": _truly_near(record, cleared_at(record) if progress.done else -1),
         "target_found": progress.found,
@@ -110,11 +112,15 @@ def _graphs(record: EpisodeRecord) -> list[DeclutterGraph]:
     return list({graph.number: graph for graph in graphs if graph.number > 0}.values())
 
 
-def _action(progress: DeclutterProgress, k: int) -> dict[str, Any]:
+def _action(
+    progress: DeclutterProgress, graphs: Sequence[DeclutterGraph], k: int
+) -> dict[str, Any]:
     step = progress.steps[k]
     kind = (step.object, step.action)
     alike = [s for s in progress.steps[: k + 1] if (s.object, s.action) == kind]
     gone = not np.isfinite(step.displacement)
+    after = next((g for g in graphs if g.number > step.image), None)
+    left = None if after is None else {v.segment.number for v in after.vertices}
     return {
         "object": step.name or "unknown",
         "number": step.object,
@@ -122,6 +128,7 @@ def _action(progress: DeclutterProgress, k: int) -> dict[str, Any]:
         "outcome": step.outcome,
         "tries": len(alike),
         "success": succeeded(step),
+        "out_of_the_way": None if left is None else step.object not in left,
         "displacement": None if gone else step.displacement,
         "others_moved": list(step.others),
     }
@@ -202,6 +209,10 @@ def declutter_metrics() -> list[Metric]:
             return None
         return bool(clutter["target_noticed"] and clutter["target_moved"] < 0.5 * _MOVED)
 
+    def out_of_the_way(summary: Mapping[str, Any]) -> float | None:
+        away = [bool(a["out_of_the_way"]) for a in _begun(summary)]
+        return float(np.mean(away)) if away else None
+
     def totals(kind: DeclutterAction) -> list[Metric]:
         return [
             Metric(name=name, value=value, by_estimator=False, title=title, cell=total)
@@ -223,6 +234,13 @@ def declutter_metrics() -> list[Metric]:
             for kind in DeclutterAction
         ),
         *(metric for kind in DeclutterAction for metric in totals(kind)),
+        Metric(
+            name="out_of_the_way",
+            value=out_of_the_way,
+            by_estimator=False,
+            title="actions after which the object was not in the way any more",
+            cell=mean_share,
+        ),
         Metric(
             name="actions_per_object",
             value=actions_per_object,

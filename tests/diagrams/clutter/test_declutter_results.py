@@ -126,6 +126,7 @@ def test_actions_are_counted_by_object_and_kind(record: EpisodeRecord) -> None:
         ("unknown", "push", 1, True),
     ]
     assert found["actions"][3]["displacement"] is None
+    assert [a["out_of_the_way"] for a in found["actions"]] == [False, False, True, True]
     assert (found["in_the_way"], found["is_free"]) == (2, True)
     assert found["ended"] == f"the {TARGET_FREE}"
     beside, taken = object_names(record.scenario)
@@ -152,6 +153,7 @@ def test_metrics_count_what_was_begun(record: EpisodeRecord) -> None:
         "grasp_done": 1.0,
         "push_count": 1.0,
         "push_done": 1.0,
+        "out_of_the_way": 2.0 / 3.0,
         "actions_per_object": 1.5,
         "near_before": 2.0,
         "near_after": 1.0,

@@ -1,7 +1,7 @@
 """Which objects an image shows: masks of the network's classes, taken apart into single objects."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from itertools import combinations
 
@@ -19,6 +19,7 @@ from crossmodal.systems.segmentation.network_input import CLASSES, OTHER, SHAPE,
 
 _TABLE = 0  # Index of its class.
 _SPECK = 0.1  # Share of the least object; what is smaller and by itself is nothing.
+_WITHIN = 0.8  # Share of what is within something.
 _FRINGE = 5  # Width of the rim of an object that is not taken for another one, [px at 320 x 240].
 
 
@@ -29,7 +30,8 @@ class ObjectsConfig:
     # Share of the image, below which nothing is an object: seen from .7 m, a fingertip's 4 cm^2.
     least: float = number(1e-3, above=0.0, at_most=1.0)
     # A part of a class that is smaller by this belongs to the larger one if both are no longer than
-    # an object of that class: more likely so than that most of a second one is hidden.
+    # an object of that class: more likely so than that most of a second one is hidden. A part of no
+    # class, such as a cap, does if it is within the other one's convex hull.
     rest: float = number(0.33, at_least=0.0, at_most=1.0)
     # Step of depth within a mask, from which on there are two objects. The head of a spray bottle
     # is as far above its own shoulders.
@@ -121,7 +123,7 @@ def seen_objects(
             if np.count_nonzero(one) < scene.least:
                 continue
             found.append(SeenObject(name="" if name == OTHER else name, mask=one))
-    return found
+    return _without_unknown_parts(found, config.rest)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -226,6 +228,32 @@ def _without_rests(
         else:
             objects.append(part)
     return objects
+
+
+def _without_unknown_parts(found: list[SeenObject], rest: float) -> list[SeenObject]:
+    """Known objects with the small things of no class that are within them, then all others.
+
+    Args:
+        found: All objects.
+        rest: Of `ObjectsConfig`.
+    """
+    known = [one for one in found if one.name]
+    hulls = []
+    for one in known:
+        hull = np.zeros(one.mask.shape, np.uint8)
+        points = cv2.convexHull(cv2.findNonZero(one.mask.astype(np.uint8)))
+        hulls.append(cv2.fillConvexPoly(hull, points, 1).astype(bool))
+    unknown = []
+    for part in (one for one in found if not one.name):
+        size = np.count_nonzero(part.mask)
+        for k, (one, hull) in enumerate(zip(known, hulls, strict=True)):
+            is_within = np.count_nonzero(part.mask & hull) >= _WITHIN * size
+            if is_within and size <= rest * np.count_nonzero(one.mask):
+                known[k] = replace(one, mask=one.mask | part.mask)
+                break
+        else:
+            unknown.append(part)
+    return known + unknown
 
 
 def covered_share(mask: Mask, others: Mask, depth: Array, step: float) -> float:

@@ -147,3 +147,20 @@ def test_an_outline_is_covered_where_another_object_is_before_it() -> None:
     # Through holes in depth it is told by what is nearest.
     depth[sponge & (np.arange(320) % 4 > 0)] = 0.0
     assert covered_share(sponge, can, depth, 0.01) == pytest.approx(1 / 8, abs=0.02)
+
+
+def test_a_small_thing_of_no_class_within_an_object_is_a_part_of_it() -> None:
+    scene = Scene().add(CAN, np.s_[20:80], np.s_[20:80], 0.1)
+    scene.add(OTHER, np.s_[20:36], np.s_[40:56], 0.12)  # At its rim.
+    (can,) = scene.objects()
+    assert can.name == "can"
+    assert_array_equal(can.mask, scene.classes > 0)
+
+
+def test_a_thing_of_no_class_beside_an_object_or_large_upon_it_is_a_thing() -> None:
+    scene = Scene().add(CAN, np.s_[20:80], np.s_[20:80], 0.1)
+    scene.add(OTHER, np.s_[30:46], np.s_[72:90], 0.12)
+    assert names(scene.objects()) == ["", "can"]
+    scene = Scene().add(CAN, np.s_[20:80], np.s_[20:80], 0.1)
+    scene.add(OTHER, np.s_[30:76], np.s_[30:76], 0.12)
+    assert names(scene.objects()) == ["", "can"]

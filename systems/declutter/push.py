@@ -26,6 +26,7 @@ MEETS = "meets something else"
 _LENGTH = 1e-6  # Lengths that differ by less are alike, [m];
 _AREA = 1e-6  # so are areas, [m^2].
 _STEP = 0.002  # Of the instants of a motion at which an overlap is looked at, [m].
+_SMALLER = 0.8  # Of an outline, so that it leaves what only touches it.
 _LONGER = 0.02  # Between lengths that are tried, [m].
 _TURN = 10.0  # Between directions that are tried, [deg].
 _ASIDE = 0.0025  # Between places of the finger that are tried, [m].
@@ -242,10 +243,10 @@ def plan_pushes(
 ) -> tuple[Push, ...]:
     """The pushes of an object that spare the target, the best one first; or one that says why not.
 
-    There is one at most in each direction, in which the hand meets nothing else. Those that take
-    the object out of the way come first, then those nearest to the direction away from the clutter,
-    to the left before to the right. Among the places of the finger that nearest to the line through
-    the centroid is taken.
+    There is one at most in each direction, in which the hand meets nothing else. Those come first
+    in which the object meets the fewest others, then those that take it out of the way, then those
+    nearest to the direction away from the clutter, to the left before to the right. Among the
+    places of the finger that nearest to the line through the centroid is taken.
 
     Args:
         segment: To be pushed.
@@ -254,7 +255,7 @@ def plan_pushes(
         config: Of the push.
     """
     away = away_from_clutter(segment, others, target, config.width)
-    found, failures = list[tuple[bool, Push]](), set[str]()
+    found, failures = list[tuple[int, bool, Push]](), set[str]()
     for turn in np.deg2rad(_both_sides(config.largest_turn, _TURN)):
         c, s = np.cos(turn), np.sin(turn)
         direction = np.array([[c, -s], [s, c]]) @ away
@@ -263,10 +264,19 @@ def plan_pushes(
         if push.why:
             failures.add(push.why)
         else:
-            found.append((push.length < wanted, push))
+            met = _met(segment, others, push.length * direction)
+            found.append((met, push.length < wanted, push))
     if not found:
         return (Push(why=f"every push {' or '.join(sorted(failures))}"),)
-    return tuple(push for _, push in sorted(found, key=lambda each: each[0]))
+    return tuple(push for *_, push in sorted(found, key=lambda each: each[:2]))
+
+
+def _met(segment: Segment, others: Sequence[Segment], motion: Array) -> int:
+    """How many others an object meets on its way, without those that only touch it before."""
+    corners = shapely.get_coordinates(segment.contour.convex_hull)
+    smaller = shapely.polygons(segment.centroid + _SMALLER * (corners - segment.centroid))
+    contours = np.array([other.contour for other in others], object)
+    return int(np.count_nonzero(shapely.intersects(swept(smaller, motion), contours)))
 
 
 def _both_sides(end: float, step: float) -> Array:

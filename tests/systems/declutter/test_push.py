@@ -365,6 +365,16 @@ def test_the_finger_moves_along_the_contour_to_where_it_is_free() -> None:
     assert obstacle.contour.intersection(nearer[1]).area > 0.0
 
 
+def test_a_push_in_which_the_object_meets_nothing_comes_first() -> None:
+    pushed, target = rectangle(0, "can", (0.1, 0.0)), rectangle(1, "wineglass", (0.0, 0.0))
+    ahead = replace(rectangle(2, "oil", (0.18, 0.0), (0.03, 0.03)), top=0.05)
+    straight, *_ = plan_pushes(pushed, [target], target, CONFIG)
+    assert_allclose(straight.direction, [1.0, 0.0], atol=1e-12)
+    first, *_ = plan_pushes(pushed, [target, ahead], target, CONFIG)
+    way = first.length * first.direction
+    assert not swept(pushed.contour, 0.8 * way).buffer(-0.008).intersects(ahead.contour)
+
+
 def test_a_push_is_turned_until_it_spares_the_target() -> None:
     """Others push the object towards the target; it goes by to the left."""
     pushed = rectangle(0, "can", (0.0, 0.0))

@@ -10,7 +10,7 @@ import pytest
 import shapely
 import trimesh
 from numpy.testing import assert_allclose
-from shapely.affinity import translate
+from shapely.affinity import scale, translate
 
 from crossmodal.maths.arrays import Array
 from crossmodal.systems.declutter.push import (
@@ -254,13 +254,21 @@ def offset_of(push: Push, segment: Segment) -> float:
 def brute_force(
     segment: Segment, others: list[Segment], target: Segment, config: PushConfig
 ) -> Push | None:
-    """The first turn in which the finger meets nothing, by looking at instants of its way."""
+    """Of all turns in which the finger meets nothing, that in which the object meets the fewest.
+
+    Instants of the ways are looked at.
+    """
     away = away_from_clutter(segment, others, target, config.width)
     steps = round(config.largest_turn / 10.0)
-    for step in sorted(range(-steps, steps + 1), key=lambda step: (abs(step), -step)):
+    inner = scale(segment.contour.convex_hull, 0.8, 0.8, origin="centroid")
+    found: list[tuple[int, int, Push]] = []
+    turns = sorted(range(-steps, steps + 1), key=lambda step: (abs(step), -step))
+    for rank, step in enumerate(turns):
         d = rotation(np.deg2rad(10.0 * step)) @ away
         if not spares(segment, target, config.longest * d, config.clearance):
             continue
+        objects = [translate(inner, *(x * d)) for x in np.linspace(0.0, config.longest, 131)]
+        met = sum(any(one.intersects(other.contour) for one in objects) for other in others)
         for offset in (0.0, 0.0025, -0.0025):
             place = finger_place(segment, d, offset, config)
             if place is None:
@@ -270,8 +278,9 @@ def brute_force(
             if min(finger.distance(target.contour) for finger in fingers) < config.clearance:
                 continue
             if not any(covers(f)(other.contour) for f in fingers for other in others):
-                return Push(direction=d, point=place[0])
-    return None
+                found.append((met, rank, Push(direction=d, point=place[0])))
+                break
+    return min(found, key=lambda each: each[:2])[2] if found else None
 
 
 @pytest.mark.parametrize("seed", range(12))

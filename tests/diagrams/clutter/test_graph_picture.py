@@ -19,7 +19,7 @@ from crossmodal.systems.port_values import (
     Segments,
 )
 
-PLACES = [(0.5, 0.0), (0.6, 0.0), (0.7, 0.05), (0.4, -0.05), (0.5, 0.4)]
+PLACES = [(0.5, 0.0), (0.6, 0.0), (0.55, 0.07), (0.4, -0.05), (0.5, 0.4)]
 NAMES = ["wineglass", "can", "box <1> & $lid$", "", "sponge"]
 IMAGE = np.full((480, 640, 3), 200, np.uint8)
 
@@ -30,7 +30,7 @@ def graph() -> DeclutterGraph:
     for number, (name, (x, y)) in enumerate(zip(NAMES, PLACES, strict=True)):
         contour = shapely.box(x - 0.02, y - 0.02, x + 0.02, y + 0.02)
         pixels = shapely.transform(contour, lambda p: 400.0 * p + 30.0)
-        segments.append(Segment(number=number, name=name, contour=contour, pixels=pixels))
+        segments.append(Segment(number=number, name=name, contour=contour, pixels=pixels, top=0.05))
     scene = Segments(number=1, segments=tuple(segments))
     return declutter_graph(scene, "wineglass", {3: 0.9}, NO_TRIES, DeclutterConfig())
 

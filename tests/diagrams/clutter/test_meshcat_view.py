@@ -190,7 +190,7 @@ def test_the_graph_stands_above_its_objects_until_a_pose_is_believed() -> None:
     radii = {call[0].split("/")[-2]: call[1].radius() for call in drawn if "ball" in call[0]}
     assert max(radii, key=lambda number: radii[number]) == str(graph.next)
     edges = [call for call in drawn if "edge" in call[0]]
-    assert [call[1].length() for call in edges] == pytest.approx([0.06, 0.06])
+    assert [call[1].length() for call in edges] == pytest.approx([0.06, 0.12])
     shown.tick(density_object_pose_latest=belief(0))
     assert calls(meshcat, "SetProperty", "graph/1")[-1][1:3] == ("visible", False)
 

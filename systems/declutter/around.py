@@ -9,10 +9,10 @@ import shapely
 
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.validation import number, numbers
+from crossmodal.systems.declutter.segments import inner_part
 from crossmodal.systems.port_values import Bodies, PosePrior, Segment, of_mesh
 
 _LEAST = 1e-5  # Area of the base of a body, [m^2].
-_CARRIED = 0.8  # Of a carried object's outline, so that it leaves what only touches it.
 
 
 @dataclass(kw_only=True)
@@ -98,8 +98,7 @@ def passed_heights(
         places: Where its centroid goes (K, 2), [m].
         config: With the height of objects whose height is unknown.
     """
-    corners = shapely.get_coordinates(segment.contour.convex_hull)
-    own = segment.centroid + _CARRIED * (corners - segment.centroid)
+    own = shapely.get_coordinates(inner_part(segment))
     ways = (places - segment.centroid)[:, None]
     passed = shapely.convex_hull(
         shapely.multipoints(np.concatenate([own + 0.0 * ways, own + ways], axis=1))

@@ -17,6 +17,7 @@ from shapely.affinity import translate
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.validation import number
 from crossmodal.models.gripper_taxels import ARRAYS, PALM, PALM_ABOVE, gripper_taxels
+from crossmodal.systems.declutter.segments import inner_part
 from crossmodal.systems.port_values import Push, Segment
 
 SWEEPS = "sweeps the target"
@@ -26,7 +27,6 @@ MEETS = "meets something else"
 _LENGTH = 1e-6  # Lengths that differ by less are alike, [m];
 _AREA = 1e-6  # so are areas, [m^2].
 _STEP = 0.002  # Of the instants of a motion at which an overlap is looked at, [m].
-_SMALLER = 0.8  # Of an outline, so that it leaves what only touches it.
 _LONGER = 0.02  # Between lengths that are tried, [m].
 _TURN = 10.0  # Between directions that are tried, [deg].
 _ASIDE = 0.0025  # Between places of the finger that are tried, [m].
@@ -273,10 +273,9 @@ def plan_pushes(
 
 def _met(segment: Segment, others: Sequence[Segment], motion: Array) -> int:
     """How many others an object meets on its way, without those that only touch it before."""
-    corners = shapely.get_coordinates(segment.contour.convex_hull)
-    smaller = shapely.polygons(segment.centroid + _SMALLER * (corners - segment.centroid))
     contours = np.array([other.contour for other in others], object)
-    return int(np.count_nonzero(shapely.intersects(swept(smaller, motion), contours)))
+    passed = swept(inner_part(segment), motion)
+    return int(np.count_nonzero(shapely.intersects(passed, contours)))
 
 
 def _both_sides(end: float, step: float) -> Array:

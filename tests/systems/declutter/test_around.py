@@ -57,7 +57,7 @@ def test_a_known_height_is_that_of_the_body() -> None:
 
 def test_a_grain_has_a_body_with_a_volume() -> None:
     segment = Segment(number=0, contour=shapely.box(0.0, 0.0, 1e-4, 1e-4), top=0.07)
-    ((base),) = bases(bodies_around([segment], 0.0, CONFIG))
+    (base,) = bases(bodies_around([segment], 0.0, CONFIG))
     assert base.area > 1e-5
 
 

@@ -355,30 +355,24 @@ def test_views_of_the_pose_are_numbered_on() -> None:
     assert (before.number, after.number, after.gain) == (1, 2, 3.0)
 
 
-def test_what_was_moved_by_accident_is_noticed() -> None:
-    robot = Robot(row("wineglass", "can", "sponge"))
+@pytest.mark.parametrize(
+    ("way", "outcomes", "noticed"),
+    [(0.03, [], [(0,), (0,)]), (0.012, ["no"] * 4, [(), (0,), (), (0,)])],
+    ids=["at once", "many small motions add up"],
+)
+def test_what_was_moved_by_accident_is_noticed(
+    way: float, outcomes: list[str], noticed: list[tuple[int, ...]]
+) -> None:
+    robot = Robot(row("wineglass", "can", "sponge"), outcomes=outcomes)
 
     def act(request: ActionRequest) -> None:
         Robot.act(robot, request)
         target = robot.objects[0]
-        robot.objects[0] = replace(target, contour=translate(target.contour, -0.03, 0.0))
+        robot.objects[0] = replace(target, contour=translate(target.contour, -way, 0.0))
 
     robot.act = act  # type: ignore[method-assign]
     robot.run()
-    assert all(step.others == (0,) for step in robot.progress.steps)
-
-
-def test_many_small_motions_add_up() -> None:
-    robot = Robot(row("wineglass", "can", "sponge"), outcomes=["no"] * 4)
-
-    def act(request: ActionRequest) -> None:
-        Robot.act(robot, request)
-        target = robot.objects[0]
-        robot.objects[0] = replace(target, contour=translate(target.contour, -0.012, 0.0))
-
-    robot.act = act  # type: ignore[method-assign]
-    robot.run()
-    assert [step.others for step in robot.progress.steps] == [(), (0,), (), (0,)]
+    assert [step.others for step in robot.progress.steps] == noticed
 
 
 @pytest.mark.parametrize("reach", [np.inf, 0.05])

@@ -1,4 +1,6 @@
-"""The gripper with two fingers and 140 taxels: its joints, and its taxels' shapes in a plant."""
+"""The gripper with two fingers and 140 taxels: its joints, and its fingers' shapes in a plant."""
+
+from dataclasses import dataclass
 
 from pydrake.geometry import GeometryId, SceneGraphInspector
 from pydrake.multibody.plant import MultibodyPlant
@@ -12,17 +14,38 @@ JOINTS = [f"{finger}_joint" for finger in FINGERS]
 BODIES = [f"{finger}_finger" for finger in FINGERS]
 
 
-def taxel_shapes(
+@dataclass(frozen=True, kw_only=True)
+class FingerShapes:
+    """The shapes of the gripper's fingers.
+
+    Attributes:
+        taxels: Of the taxels (140,), in the order of `gripper_taxels`.
+        cores: Of what carries them, in the order of `FINGERS`.
+    """
+
+    taxels: tuple[GeometryId, ...]
+    cores: tuple[GeometryId, ...]
+
+
+def finger_shapes(
     plant: MultibodyPlant, inspector: SceneGraphInspector, gripper: ModelInstanceIndex
-) -> list[GeometryId]:
-    """The shapes of the taxels (140,), in the order of `gripper_taxels`.
+) -> FingerShapes:
+    """The shapes of the fingers in a plant.
 
     Args:
         plant: With the gripper.
         inspector: Of the plant's scene.
         gripper: Its model instance.
     """
-    bodies = (plant.GetBodyByName(name, gripper) for name in BODIES)
-    shapes = [shape for body in bodies for shape in plant.GetCollisionGeometriesForBody(body)]
-    named = {inspector.GetName(shape).split("::")[-1]: shape for shape in shapes}
-    return [named[name] for name in gripper_taxels().names]
+    named = [
+        {
+            inspector.GetName(shape).split("::")[-1]: shape
+            for shape in plant.GetCollisionGeometriesForBody(plant.GetBodyByName(body, gripper))
+        }
+        for body in BODIES
+    ]
+    layout = gripper_taxels()
+    return FingerShapes(
+        taxels=tuple(named[f][name] for f, name in zip(layout.finger, layout.names, strict=True)),
+        cores=tuple(shapes["core"] for shapes in named),
+    )

@@ -11,6 +11,7 @@ from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from crossmodal.maths.arrays import Array, Ids
 from crossmodal.maths.validation import check, number
+from crossmodal.models.gripper_taxels import GripperTaxels
 from crossmodal.systems.sensors.randomness import WhiteNoise, make_generator
 from crossmodal.systems.sensors.sampled_sensor import SampledSensor
 from crossmodal.systems.ticks import NETWORK_PERIOD
@@ -43,6 +44,9 @@ class TaxelArrayConfig:
 class TaxelArrayForces(LeafSystem):
     """The forces that truly act on each taxel, a shape of its own.
 
+    What gets between taxels and presses on the core of the finger presses on the skin that covers
+    it, and counts for the taxel there.
+
     Input ports:
     - `contact_results`: `ContactResults` of the plant; a plant with sampled outputs has none until
       its first step.
@@ -57,10 +61,21 @@ class TaxelArrayForces(LeafSystem):
         plant: The simulated one, finalized.
         frame: E.
         taxels: Their shapes, in order.
+        cores: The shapes of the fingers' cores, in the order of `FINGERS`.
+        layout: Of the taxels.
     """
 
-    def __init__(self, plant: MultibodyPlant, frame: Frame, taxels: Sequence[GeometryId]) -> None:
+    def __init__(
+        self,
+        plant: MultibodyPlant,
+        frame: Frame,
+        taxels: Sequence[GeometryId],
+        cores: Sequence[GeometryId],
+        layout: GripperTaxels,
+    ) -> None:
         super().__init__()
+        self._layout = layout
+        self._cores: Mapping[GeometryId, int] = {shape: n for n, shape in enumerate(cores)}
         self._body = int(frame.body().index())
         self._X_BE = frame.GetFixedPoseInBodyFrame()
         self._taxels: Mapping[GeometryId, int] = {shape: n for n, shape in enumerate(taxels)}
@@ -77,12 +92,20 @@ class TaxelArrayForces(LeafSystem):
         forces = np.zeros((len(self._taxels), 3))
         for index in range(contacts.num_point_pair_contacts()):
             contact = contacts.point_pair_contact_info(index)
-            pair = contact.point_pair()
+            pair, force = contact.point_pair(), contact.contact_force()
             # The force acts on B.
-            for shape, sign in ((pair.id_A, -1.0), (pair.id_B, 1.0)):
+            for shape, body, f_W in (
+                (pair.id_A, contact.bodyA_index(), -force),
+                (pair.id_B, contact.bodyB_index(), force),
+            ):
                 taxel = self._taxels.get(shape)
+                if shape in self._cores:
+                    X_FW = self._poses.Eval(context)[int(body)].inverse()
+                    taxel = self._layout.under(
+                        self._cores[shape], X_FW @ contact.contact_point(), X_FW.rotation() @ f_W
+                    )
                 if taxel is not None:
-                    forces[taxel] += sign * contact.contact_force()
+                    forces[taxel] += f_W
         if forces.any():
             R_WE = (self._poses.Eval(context)[self._body] @ self._X_BE).rotation().matrix()
             forces = forces @ R_WE

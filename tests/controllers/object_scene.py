@@ -18,7 +18,7 @@ from crossmodal.controllers.primitives.move_object_config import (
 )
 from crossmodal.models import SDF_DIR
 from crossmodal.models.gripper_taxels import ARRAYS, gripper_taxels
-from crossmodal.plants.hands.taxel_gripper import taxel_shapes
+from crossmodal.plants.hands.taxel_gripper import finger_shapes
 from crossmodal.plants.robots.panda import PANDA_AWAY
 from crossmodal.plants.robots.ur5 import UR5_HOME
 from crossmodal.plants.scene import ObjectPlacement, PlantConfig, add_manipulation_scene
@@ -79,11 +79,15 @@ class ObjectScene:
             ),
         )
         layout = gripper_taxels()
+        gripper = self.models[_GRIPPER]
+        shapes = finger_shapes(plant, self.scene_graph.model_inspector(), gripper)
         forces = builder.AddSystem(
             TaxelArrayForces(
                 plant,
-                plant.GetFrameByName("end_effector", self.models[_GRIPPER]),
-                taxel_shapes(plant, self.scene_graph.model_inspector(), self.models[_GRIPPER]),
+                plant.GetFrameByName("end_effector", gripper),
+                shapes.taxels,
+                shapes.cores,
+                layout,
             )
         )
         taxels = builder.AddSystem(TaxelArraySensor(TaxelArrayConfig(), ARRAYS, layout.array, seed))

@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from pydrake.geometry import Role
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import OutputPort
 from pydrake.systems.primitives import MatrixGain
@@ -30,6 +29,7 @@ from crossmodal.diagrams.stations.naming import own_seed, prefixed
 from crossmodal.maths.arrays import Array
 from crossmodal.models.gripper_taxels import ARRAYS, gripper_taxels
 from crossmodal.plants.hands.taxel_gripper import JOINTS as GRIPPER_JOINTS
+from crossmodal.plants.hands.taxel_gripper import finger_shapes
 from crossmodal.plants.robots.arm_with_hand import add_robot
 from crossmodal.plants.robots.panda import ARM_JOINTS as PANDA_JOINTS
 from crossmodal.plants.robots.ur5 import ARM_JOINTS as UR5_JOINTS
@@ -132,18 +132,15 @@ def add_sensors(
     )
     layout = gripper_taxels()
     instance = wiring.scene.model(GRIPPER)
-    inspector = wiring.scene.scene_graph.model_inspector()
-    shapes = {
-        inspector.GetName(shape).split("::")[-1]: shape
-        for body in plant.GetBodyIndices(instance)
-        for shape in inspector.GetGeometries(plant.GetBodyFrameIdOrThrow(body), Role.kProximity)
-    }
+    shapes = finger_shapes(plant, wiring.scene.scene_graph.model_inspector(), instance)
     forces = builder.AddNamedSystem(
         "taxel_forces",
         TaxelArrayForces(
             plant,
             plant.GetFrameByName("end_effector", instance),
-            [shapes[name] for name in layout.names],
+            shapes.taxels,
+            shapes.cores,
+            layout,
         ),
     )
     builder.Connect(plant.get_contact_results_output_port(), forces.GetInputPort("contact_results"))

@@ -18,7 +18,7 @@ from pydrake.systems.framework import DiagramBuilder
 from crossmodal.maths.arrays import Array
 from crossmodal.models import SDF_DIR
 from crossmodal.models.gripper_taxels import RADIUS, TRAVEL, gripper_taxels
-from crossmodal.plants.hands.taxel_gripper import BODIES, GRIPPER_FILE, JOINTS, taxel_shapes
+from crossmodal.plants.hands.taxel_gripper import BODIES, GRIPPER_FILE, JOINTS, finger_shapes
 from crossmodal.plants.parsing import add_model, make_parser
 
 
@@ -46,7 +46,7 @@ class Held:
 
     def taxel_forces(self) -> Array:
         """On each taxel (140, 3), in W, [N]."""
-        shapes = taxel_shapes(self.plant, self.scene_graph.model_inspector(), self.gripper)
+        shapes = finger_shapes(self.plant, self.scene_graph.model_inspector(), self.gripper).taxels
         index = {shape: k for k, shape in enumerate(shapes)}
         forces = np.zeros((140, 3))
         results: ContactResults = self.plant.get_contact_results_output_port().Eval(self.context)
@@ -70,7 +70,7 @@ def test_the_taxels_are_where_the_layout_says(held: Held) -> None:
     opening = np.array([0.02, 0.05])
     plant.SetPositions(held.context, held.gripper, opening)
     E = plant.GetFrameByName("end_effector", held.gripper)
-    shapes = taxel_shapes(plant, inspector, held.gripper)
+    shapes = finger_shapes(plant, inspector, held.gripper).taxels
     p_ES = layout.p_ET(opening) - RADIUS * layout.n_E
     for k, shape in enumerate(shapes):
         body = plant.GetBodyFromFrameId(inspector.GetFrameId(shape))

@@ -12,7 +12,7 @@ from pydrake.systems.framework import DiagramBuilder
 
 from crossmodal.maths.arrays import Array
 from crossmodal.models.gripper_taxels import ARRAYS, RADIUS, gripper_taxels
-from crossmodal.plants.hands.taxel_gripper import GRIPPER_FILE, taxel_shapes
+from crossmodal.plants.hands.taxel_gripper import GRIPPER_FILE, finger_shapes
 from crossmodal.plants.parsing import add_model, make_parser
 from crossmodal.systems.sensors.taxel_array import (
     TaxelArrayConfig,
@@ -43,23 +43,31 @@ BLOCK = f"""<?xml version="1.0"?>
 """
 
 
-def pressed(X_WE: RigidTransform) -> Array:
+# As heavy as the block, and so thin that it gets between taxels.
+NEEDLE = BLOCK.replace(
+    "<box><size>0.1 0.1 0.02</size></box>", "<sphere><radius>0.0005</radius></sphere>"
+)
+
+
+def pressed(X_WE: RigidTransform, model: str = BLOCK, lowest: float = -0.01) -> Array:
     """Forces on the taxels (140, 3) in E where a block, on a vertical slide, rests on the gripper.
 
     Args:
         X_WE: Of the gripper, which is closed and fixed in the world.
+        model: Of the block.
+        lowest: Height of its lowest points in its frame, [m].
     """
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.002)
     parser = make_parser(plant)
     gripper = add_model(parser, GRIPPER_FILE, "gripper")
-    block = add_model(parser, BLOCK, "block")
+    block = add_model(parser, model, "block")
     E = plant.GetFrameByName("end_effector", gripper)
     plant.WeldFrames(plant.world_frame(), E, X_WE)
     plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("rail", block))
     plant.Finalize()
-    shapes = taxel_shapes(plant, scene_graph.model_inspector(), gripper)
-    forces = builder.AddSystem(TaxelArrayForces(plant, E, shapes))
+    shapes = finger_shapes(plant, scene_graph.model_inspector(), gripper)
+    forces = builder.AddSystem(TaxelArrayForces(plant, E, shapes.taxels, shapes.cores, LAYOUT))
     for port in ("contact_results", "body_poses"):
         builder.Connect(plant.GetOutputPort(port), forces.GetInputPort(port))
     simulator = Simulator(builder.Build())
@@ -67,7 +75,7 @@ def pressed(X_WE: RigidTransform) -> Array:
     context = plant.GetMyMutableContextFromRoot(root)
     plant.get_desired_state_input_port(gripper).FixValue(context, np.zeros(4))
     top = (X_WE @ LAYOUT.p_FS.T)[2].max() + RADIUS
-    plant.SetPositions(context, block, [top + 0.011])
+    plant.SetPositions(context, block, [top + 0.001 - lowest])
     simulator.AdvanceTo(1.0)
     found: Array = forces.get_output_port().Eval(forces.GetMyContextFromRoot(root))
     return np.array(found).reshape(-1, 3)
@@ -88,6 +96,34 @@ def test_taxels_carry_what_rests_on_them(R_WE: RotationMatrix) -> None:
     assert_allclose(forces.sum(axis=0), expected, atol=0.01 * WEIGHT)
     others = np.delete(forces, TIPS, axis=0)
     assert not others.any()
+
+
+def test_what_gets_between_taxels_presses_on_the_skin_there() -> None:
+    """A needle amid four taxels of the left finger's outer face, which lies upwards."""
+    outer = np.flatnonzero(LAYOUT.array == ARRAYS.index("left_outer"))
+    amid = LAYOUT.p_FT[outer[[5, 6, 9, 10]]]
+    R_WE = RotationMatrix.MakeYRotation(-0.5 * np.pi)
+    X_WE = RigidTransform(R_WE, -(R_WE @ amid.mean(axis=0)))
+    forces = pressed(X_WE, NEEDLE, -0.0005)
+    assert_allclose(forces.sum(axis=0), [-WEIGHT, 0.0, 0.0], atol=0.01 * WEIGHT)
+    assert set(np.flatnonzero(forces.any(axis=1))) <= set(outer[[5, 6, 9, 10]])
+
+
+@pytest.mark.parametrize(
+    ("place", "force", "taxel"),
+    [
+        ([0.0125, 0.001, -0.0075], [-1.0, 0.0, 0.5], "left_outer_2"),
+        ([0.005, -0.011, -0.0045], [0.2, 0.0, -1.0], "left_tip_0"),
+        ([0.0125, 0.001, -0.045], [-1.0, 0.0, 0.0], None),
+        ([0.010, 0.012, -0.0075], [0.0, -1.0, 0.0], None),
+    ],
+    ids=["outer face", "end", "bare part of the outer face", "bare side"],
+)
+def test_skin_covers_what_its_taxels_stand_for(
+    place: list[float], force: list[float], taxel: str | None
+) -> None:
+    found = LAYOUT.under(0, np.array(place), np.array(force))
+    assert (None if found is None else LAYOUT.names[found]) == (taxel and f"taxel_{taxel}")
 
 
 def samples(sensor: TaxelArraySensor, forces: Array, count: int = SAMPLES) -> Array:

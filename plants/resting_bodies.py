@@ -101,10 +101,11 @@ class RestingBodies:
         for k, X_WB in enumerate(poses):
             if self._moved(k, self._at[k], X_WB) > _MOTION:
                 self._at[k], self._since[k] = X_WB, time
-        moves = speeds[:count] > _MOTION / _TIME
+        # Contact makes speeds flicker: what counts is how far that leads.
+        moves = (self._since > time - _TIME) | (speeds[:count] > _MOTION / _PERIOD)
         disturbed = self._met(root, speeds, moves) | moves
         _, group = connected_components(csr_array(self._touching), directed=False)
-        awake = np.isin(group, group[disturbed]) | (self._since > time - _TIME)
+        awake = np.isin(group, group[disturbed])
         # The solver's tolerance is relative to the momenta. With arms at rest that bear no weight
         # there would be none at all, and it would not converge. The cheapest one is free, then.
         if not awake.any():

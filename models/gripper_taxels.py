@@ -39,7 +39,10 @@ PALM_ABOVE = 0.118
 _PHALANGE_END = -0.050  # z of the middle of the phalange's furthest taxels, [m].
 # Cosine between a face's normal and a force that presses on it, which friction inclines; at 45 deg
 # two faces are pressed alike.
-_FACING = np.sqrt(0.5)
+_FACING = float(np.sqrt(0.5))
+# How far skin reaches beside a taxel: half the diagonal between those of a tip, which are furthest
+# apart, and more than to the edges of the fingers, [m].
+_SKIN = 0.0067
 _BESIDE = 0.5 * PITCH * np.array([-3.0, -1.0, 1.0, 3.0])  # y of four columns, [m].
 
 
@@ -53,7 +56,6 @@ class GripperTaxels(Immutable):
         finger: Of each, its index in `FINGERS` (140,).
         p_FS: Middles of the spheres (140, 3), each in the frame of its finger, [m].
         n_F: Outward unit normals (140, 3) of the faces that they lie on, likewise.
-        half: Half the edges (140, 3) of the piece of skin that each stands for, [m].
     """
 
     names: tuple[str, ...]
@@ -61,7 +63,6 @@ class GripperTaxels(Immutable):
     finger: Ids
     p_FS: Array
     n_F: Array
-    half: Array
 
     @property
     def p_FT(self) -> Array:
@@ -74,7 +75,9 @@ class GripperTaxels(Immutable):
         return self.n_F
 
     def under(self, finger: int, p_FC: Array, f_F: Array) -> int | None:
-        """The taxel under whose piece of skin a force presses on a finger.
+        """The taxel that feels what presses on the skin of a finger beside the taxels.
+
+        Skin covers the faces with taxels, also between and beside these. The nearest one feels it.
 
         Args:
             finger: Its index in `FINGERS`.
@@ -82,14 +85,12 @@ class GripperTaxels(Immutable):
             f_F: The force on the finger (3,), [N].
 
         Returns:
-            Its index; none if there is no skin, or another face is pressed.
+            Its index; none if no taxel of the face that is pressed is near.
         """
-        facing = -self.n_F @ f_F > _FACING * np.linalg.norm(f_F)
-        offset = np.abs(p_FC - self.p_FT) * (np.abs(self.n_F) < 0.5)
-        covers = (offset <= self.half + 1e-6).all(axis=1) & facing & (self.finger == finger)
-        if not covers.any():
-            return None
-        return int(np.argmin(np.where(covers, np.linalg.norm(offset, axis=1), np.inf)))
+        pressed = (-self.n_F @ f_F > _FACING * np.linalg.norm(f_F)) & (self.finger == finger)
+        beside = np.linalg.norm((p_FC - self.p_FT) * (np.abs(self.n_F) < 0.5), axis=1)
+        nearest = int(np.argmin(np.where(pressed, beside, np.inf)))
+        return nearest if pressed[nearest] and beside[nearest] < _SKIN else None
 
     def p_ET(self, opening: Array) -> Array:
         """Where each sticks out furthest (140, 3), in E, [m].
@@ -114,7 +115,7 @@ def gripper_taxels() -> GripperTaxels:
     """The layout of the gripper in models/sdf."""
     left = _left_finger()
     about_z = np.array([-1.0, -1.0, 1.0])
-    places, normals, arrays, names, halves = [], [], [], [], []
+    places, normals, arrays, names = [], [], [], []
     for finger, turn in zip(FINGERS, (np.ones(3), about_z), strict=True):
         for part in PARTS:
             p, n = left[part]
@@ -122,7 +123,6 @@ def gripper_taxels() -> GripperTaxels:
             places.append(turn * p)
             normals.append(np.tile(turn * n, (len(p), 1)))
             arrays.append(np.full(len(p), ARRAYS.index(name)))
-            halves.append(np.tile(0.5 * _spacing(p), (len(p), 1)))
             names += [f"taxel_{name}_{k}" for k in range(len(p))]
     array = np.concatenate(arrays)
     return GripperTaxels(
@@ -131,7 +131,6 @@ def gripper_taxels() -> GripperTaxels:
         finger=array // len(PARTS),
         p_FS=np.concatenate(places),
         n_F=np.concatenate(normals) + 0.0,  # There is no -0.
-        half=np.concatenate(halves),
     )
 
 
@@ -154,12 +153,6 @@ def _left_finger() -> dict[str, tuple[Array, Array]]:
         "tip": (tip, z),
         "inner": (_grid(np.array([inside]), _BESIDE, _rows(end, 4)), -x),
     }
-
-
-def _spacing(p: Array) -> Array:
-    """Distances (3,) along each axis between neighbours of a grid (N, 3); 0 where it is flat."""
-    steps = (np.diff(np.unique(np.round(along, 9))) for along in p.T)
-    return np.array([step[0] if len(step) else 0.0 for step in steps])
 
 
 def _rows(end: float, count: int) -> Array:

@@ -114,12 +114,13 @@ def test_what_gets_between_taxels_presses_on_the_skin_there() -> None:
     [
         ([0.0125, 0.001, -0.0075], [-1.0, 0.0, 0.5], "left_outer_2"),
         ([0.005, -0.011, -0.0045], [0.2, 0.0, -1.0], "left_tip_0"),
+        ([0.0125, -0.012, -0.022], [-4.0, 0.6, -1.8], "left_outer_12"),
         ([0.0125, 0.001, -0.045], [-1.0, 0.0, 0.0], None),
         ([0.010, 0.012, -0.0075], [0.0, -1.0, 0.0], None),
     ],
-    ids=["outer face", "end", "bare part of the outer face", "bare side"],
+    ids=["outer face", "end", "edge of the outer face", "bare part of the outer face", "bare side"],
 )
-def test_skin_covers_what_its_taxels_stand_for(
+def test_skin_reaches_a_little_beyond_its_taxels(
     place: list[float], force: list[float], taxel: str | None
 ) -> None:
     found = LAYOUT.under(0, np.array(place), np.array(force))

@@ -122,32 +122,45 @@ def push_height(segment: Segment, direction: Array, config: PushConfig) -> float
     return float(config.margin * r / config.friction)
 
 
-def finger_place(
-    segment: Segment, direction: Array, offset: float, config: PushConfig
-) -> tuple[Array, shapely.Polygon] | None:
-    """Where the finger pushes and where it stands before; None where its line misses the object.
+def finger_places(
+    segment: Segment, direction: Array, offsets: Array, config: PushConfig
+) -> tuple[Array, Array]:
+    """Where the finger pushes and where it stands before, for those lines that meet the object.
 
     Args:
         segment: To be pushed.
         direction: Of the push (2,), a unit vector.
-        offset: Of the finger's middle to the left of the line through the centroid, [m].
+        offsets: Of the finger's middle to the left of the line through the centroid (N,), [m].
         config: Of the push.
 
     Returns:
-        The hindmost point (2,) of the contour on the finger's line along the push, and the finger's
-        rectangle: as far forward as its width allows, less the gap.
+        The hindmost points (P, 2) of the contour on the finger's lines along the push, and the
+        finger's edges (P, 4), see `rectangles`: as far forward as its width allows, less the gap.
     """
-    frame = np.array([direction, [-direction[1], direction[0]]])  # Along the push and left of it.
+    frame = _frame(direction)
     own = shapely.transform(segment.contour, lambda p: (p - segment.centroid) @ frame.T)
-    back, right, front, left = own.bounds
-    line = own.intersection(shapely.LineString([(back, offset), (front, offset)]))
-    if line.is_empty:
-        return None
-    right, left = offset - 0.5 * config.width, offset + 0.5 * config.width
-    rear = own.intersection(shapely.box(back, right, front, left)).bounds[0] - config.gap
-    finger = shapely.box(rear - config.depth, right, rear, left)
-    point = segment.centroid + np.array([line.bounds[0], offset]) @ frame
-    return point, shapely.transform(finger, lambda p: segment.centroid + p @ frame)
+    back, _, front, _ = own.bounds
+    ends = [[[back, offset], [front, offset]] for offset in offsets]
+    hindmost = shapely.bounds(shapely.intersection(own, shapely.linestrings(ends)))[:, 0]
+    offsets, hindmost = (of[np.isfinite(hindmost)] for of in (offsets, hindmost))
+    right, left = offsets - 0.5 * config.width, offsets + 0.5 * config.width
+    wide = shapely.intersection(own, shapely.box(back, right, front, left))
+    rear = shapely.bounds(wide)[:, 0] - config.gap
+    points = segment.centroid + np.column_stack([hindmost, offsets]) @ frame
+    return points, np.column_stack([rear - config.depth, right, rear, left])
+
+
+def rectangles(segment: Segment, direction: Array, edges: Array) -> Array:
+    """Polygons (...) of rectangles along a push.
+
+    Args:
+        segment: To be pushed.
+        direction: Of the push (2,), a unit vector.
+        edges: Back and front along the push, right and left of it, from the object's centroid, in
+            the order back, right, front, left (..., 4), [m].
+    """
+    corners = edges[..., [[0, 1], [2, 1], [2, 3], [0, 3]]]
+    return np.asarray(shapely.polygons(segment.centroid + corners @ _frame(direction)))
 
 
 def swept(shape: shapely.Geometry, motion: Array) -> shapely.Geometry:
@@ -201,14 +214,15 @@ def push_length(
     return config.longest
 
 
-def hand_height(
+def hand_heights(
     segment: Segment,
     others: Sequence[Segment],
-    finger: shapely.Polygon,
-    motion: Array,
+    direction: Array,
+    fingers: Array,
+    ways: Array,
     config: PushConfig,
-) -> float:
-    """Least height of the fingers' ends above the table [m] at which the palm meets nothing.
+) -> Array:
+    """Least heights (N,) of the fingers' ends above the table [m] at which the palm meets nothing.
 
     Infinite, where the finger itself meets another object, and where the palm would be above
     another one whose height is not known.
@@ -216,26 +230,24 @@ def hand_height(
     Args:
         segment: To be pushed.
         others: All others.
-        finger: Where it comes down.
-        motion: Of the finger (2,), [m].
+        direction: Of the push (2,), a unit vector.
+        fingers: Edges of the finger where it comes down (N, 4), see `rectangles`.
+        ways: Of the finger (N,), [m].
         config: With the distance between palm and objects.
     """
     contours = np.array([other.contour for other in others], object)
-    if shapely.intersects(swept(finger, motion), contours).any():
-        return np.inf
-    along = motion / np.linalg.norm(motion)
-    frame = np.array([along, [-along[1], along[0]]])
-    middle = shapely.get_coordinates(finger.centroid)[0]
-    palm = shapely.transform(
-        shapely.box(*(-0.5 * np.array(PALM)), *(0.5 * np.array(PALM))), lambda p: middle + p @ frame
-    )
+    tops = np.nan_to_num([other.top for other in others], nan=np.inf)
+    along, across = 0.5 * np.array(PALM)
+    palms = 0.5 * (fingers + fingers[:, [2, 3, 0, 1]]) + [-along, -across, along, across]
     # The object goes ahead of the finger: what the palm is above, it is above all the way.
-    below = shapely.intersects(swept(palm, motion), contours)
-    tops = [np.nan_to_num(s.top, nan=np.inf) for s, b in zip(others, below, strict=True) if b]
-    if palm.intersects(segment.contour) and np.isfinite(segment.top):
-        tops.append(segment.top)
-    highest = max(tops, default=0.0)
-    return float(max(config.lowest, highest + config.above - PALM_ABOVE))
+    below = _swept_meets(segment, direction, palms, ways, contours)
+    highest = np.where(below, tops, 0.0).max(axis=1, initial=0.0)
+    if np.isfinite(segment.top):
+        above_own = shapely.intersects(rectangles(segment, direction, palms), segment.contour)
+        highest = np.maximum(highest, np.where(above_own, segment.top, 0.0))
+    least = np.maximum(config.lowest, highest + config.above - PALM_ABOVE)
+    meets = _swept_meets(segment, direction, fingers, ways, contours).any(axis=1)
+    return np.asarray(np.where(meets, np.inf, least))
 
 
 def plan_pushes(
@@ -302,26 +314,47 @@ def _push(
         safe = min(safe, max(segment.top - config.grip, config.lowest))
     # What is round is widest there, and is felt in the middle of the outer taxels.
     widest = 0.5 * np.nan_to_num(segment.top) - _TAXELS
+    lengths = np.arange(wanted, config.shortest - _LENGTH, -_LONGER)
+    spared = [spares(segment, target, length * direction, config.clearance) for length in lengths]
     offsets = _both_sides(config.aside, _ASIDE)
-    places = [finger_place(segment, direction, offset, config) for offset in offsets]
-    why = SWEEPS
-    for length in np.arange(wanted, config.shortest - _LENGTH, -_LONGER):
-        if not spares(segment, target, length * direction, config.clearance):
-            continue
-        for point, finger in (place for place in places if place is not None):
-            motion = (config.gap + length) * direction
-            if swept(finger, motion).distance(target.contour) < config.clearance:
-                continue
-            why = MEETS
-            least = hand_height(segment, others, finger, motion, config)
-            if least <= safe:
-                ahead = (shapely.get_coordinates(finger) @ direction).max()
-                return Push(
-                    point=point,
-                    direction=direction,
-                    length=float(length),
-                    reach=float(segment.centroid @ direction - ahead),
-                    height=float(np.clip(widest, least, safe)),
-                    finger=finger,
-                )
-    return Push(why=why)
+    points, places = finger_places(segment, direction, offsets, config)
+    # The longest one first, then that nearest to the line through the centroid.
+    length, place = (
+        k.ravel() for k in np.meshgrid(lengths[spared], range(len(points)), indexing="ij")
+    )
+    fingers, ways = places[place], config.gap + length
+    passed = rectangles(segment, direction, _swept_edges(fingers, ways))
+    away = shapely.distance(passed, target.contour) >= config.clearance
+    if not away.any():
+        return Push(why=SWEEPS)
+    least = hand_heights(segment, others, direction, fingers, ways, config)
+    possible = np.flatnonzero(away & (least <= safe))
+    if not len(possible):
+        return Push(why=MEETS)
+    best = possible[0]
+    return Push(
+        point=points[place[best]],
+        direction=direction,
+        length=float(length[best]),
+        reach=float(-fingers[best, 2]),
+        height=float(np.clip(widest, least[best], safe)),
+        finger=rectangles(segment, direction, fingers[[best]])[0],
+    )
+
+
+def _frame(direction: Array) -> Array:
+    """Unit vectors along a push and to its left, as rows (2, 2)."""
+    return np.array([direction, [-direction[1], direction[0]]])
+
+
+def _swept_edges(edges: Array, ways: Array) -> Array:
+    """Of rectangles (N, 4) that go forward by ways (N,), [m]: what they pass."""
+    return np.asarray(edges + ways[:, None] * [0.0, 0.0, 1.0, 0.0])
+
+
+def _swept_meets(
+    segment: Segment, direction: Array, edges: Array, ways: Array, contours: Array
+) -> Array:
+    """Which rectangles (N, 4) meet which contours (M,) on their ways forward (N,): (N, M)."""
+    passed = rectangles(segment, direction, _swept_edges(edges, ways))
+    return np.asarray(shapely.intersects(passed[:, None], contours))

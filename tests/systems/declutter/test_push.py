@@ -16,10 +16,11 @@ from crossmodal.maths.arrays import Array
 from crossmodal.systems.declutter.push import (
     PushConfig,
     away_from_clutter,
-    finger_place,
+    finger_places,
     plan_pushes,
     push_height,
     push_length,
+    rectangles,
     spares,
     swept,
 )
@@ -32,6 +33,14 @@ CONFIG = PushConfig()
 def plan_push(*args: Any) -> Push:
     """The best one."""
     return plan_pushes(*args)[0]
+
+
+def finger_place(
+    segment: Segment, direction: Array, offset: float, config: PushConfig
+) -> tuple[Array, shapely.Polygon] | None:
+    """A single one: its point and rectangle."""
+    points, edges = finger_places(segment, direction, np.array([offset]), config)
+    return (points[0], rectangles(segment, direction, edges)[0]) if len(points) else None
 
 
 LEFT = np.array([[0.0, -1.0], [1.0, 0.0]])  # A quarter turn.

@@ -35,7 +35,7 @@ from crossmodal.systems.sensors.rgbd_camera import CameraNoise, CameraNoiseConfi
 VIEWS, DENSE_VIEWS = 6, 18  # Of each scene, and of each that is dense.
 HELD_OUT = 10  # Every so many scenes, one is not learned from.
 GOODS = CLASSES[1:-1]
-_DENSE = 8  # Every so many scenes, one is as dense as those that are worked in.
+_DENSE = 4  # Every so many scenes, one is as dense as those that are worked in.
 _TRIES = 5
 _FIELD = np.deg2rad(58.0)  # Horizontally.
 _AWAY = 0.35, 0.8  # From the camera to what it looks at, [m].

@@ -59,5 +59,5 @@ def test_scenes_are_made_once_and_read_together(
 def test_dense_clutter_is_learned_from_and_held_out() -> None:
     scenes = np.arange(400)
     assert 30 <= is_held_out(scenes).sum() <= 50
-    assert (is_dense(scenes) & is_held_out(scenes)).sum() == 10
-    assert (is_dense(scenes) & ~is_held_out(scenes)).sum() == 40
+    assert (is_dense(scenes) & is_held_out(scenes)).sum() == 20
+    assert (is_dense(scenes) & ~is_held_out(scenes)).sum() == 80

@@ -30,7 +30,7 @@ from crossmodal.systems.segmentation.objects import ObjectsConfig, load_network
 from crossmodal.systems.segmentation.segmenter import View, objects_in, segments_in
 
 GOAL = 0.3  # [s].
-SCENE = 5  # The first one of dense clutter.
+SCENE = 5  # One of dense clutter.
 _EVERYWHERE = shapely.box(-1.0, -1.0, 1.0, 1.0)
 
 

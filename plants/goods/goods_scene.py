@@ -17,7 +17,7 @@ from crossmodal.plants.parsing import add_model, make_parser
 GOODS_DIR = SDF_DIR / "goods"
 # Contact as in the plant in which robots work: what rests here rests there.
 _AS_AT_WORK = MultibodyPlantConfig(
-    time_step=0.005, discrete_contact_approximation="lagged", stiction_tolerance=1e-5
+    time_step=0.005, discrete_contact_approximation="lagged", stiction_tolerance=1e-4
 )
 # It takes half the time, and what friction holds creeps a hundred times as fast, so that what comes
 # to rest here hardly creeps there.

@@ -22,6 +22,8 @@ from crossmodal.maths.validation import check, number
 class LookConfig:
     period: float = number(0.05, at_least=1e-3, at_most=1.0, unit="s")  # Between decisions.
     transit: TransitConfig = field(default_factory=TransitConfig)
+    # For which an image is waited for where the camera rests.
+    patience: float = number(2.0, above=0.0, at_most=60.0, unit="s")
 
 
 class LookPhase(StrEnum):
@@ -43,7 +45,7 @@ class LookState(Immutable):
         number: Of the view that it goes to or is at.
         looked: Of the last view at which the camera has come to rest.
         unreachable: Of the last view that it cannot get to; zero if it got to all.
-        failure: Why nothing can be touched; empty while it can.
+        failure: Why nothing more can be done; empty while it can.
     """
 
     motion: JointMotion
@@ -63,14 +65,17 @@ class Look(ArmTask):
       `box_edges`, `X_WB` that holds the object, and what holds all others, `obstacles`; or with
       `home`, if the camera is to be away.
     - `touch_latest`: with `number` and `done`; while a touch is wanted, the arm stays at home.
+    - `depth_measured`, `color_measured`: the camera's last images, with `time`. The latter may stay
+      unconnected.
 
     Output ports:
     - `joint_position_commanded`: (n,), [rad].
-    - `looked`: (1,) number of the last view at which the camera rests; it stays until the next one.
+    - `looked`: (1,) number of the last view at which the camera rests and of which there are
+      images; it stays until the next one.
     - `unreachable`: (1,) number of the last view that the arm cannot get to.
     - `is_away`: (1,) 1 while the arm is at home.
     - `phase`: str.
-    - `failure`: str, why nothing can be touched; empty while it can.
+    - `failure`: str, why nothing more can be done; empty while it can.
 
     State: `LookState`.
 
@@ -94,9 +99,13 @@ class Look(ArmTask):
     ) -> None:
         check(config, "Look")
         super().__init__(arm, planner, config.transit, others)
-        self._q_home = q_home
+        self._q_home, self._patience = q_home, config.patience
         self._view = self.DeclareAbstractInputPort("view_latest", Value[object]())
         self._touch = self.DeclareAbstractInputPort("touch_latest", Value[object]())
+        self._images = [
+            self.DeclareAbstractInputPort(port, Value[object]())
+            for port in ("depth_measured", "color_measured")
+        ]
         self._declare_state(LookState(motion=resting(q_home)), config.period)
         self._declare_command()
         self._declare_vector("looked", 1, lambda c: self._state(c).looked, self._on_state)
@@ -113,10 +122,17 @@ class Look(ArmTask):
     def _next(self, context: Context) -> LookState:
         state: LookState = self._state(context)
         time = context.get_time()
-        if time < state.motion.end + self._transit.rest_time * (state.phase is LookPhase.MOVE):
+        rested = state.motion.end + self._transit.rest_time * (state.phase is LookPhase.MOVE)
+        if time < rested or state.failure:
             return state
         if state.phase is LookPhase.MOVE:
-            return replace(state, phase=LookPhase.LOOK, looked=state.number)
+            images = [port.Eval(context) for port in self._images if port.HasValue(context)]
+            if min(image.time for image in images) >= rested:
+                return replace(state, phase=LookPhase.LOOK, looked=state.number)
+            if time > rested + self._patience:
+                why = f"the camera has given no image for {self._patience:g} s"
+                return replace(state, phase=LookPhase.WAIT, failure=why)
+            return state
         touch, view = self._touch.Eval(context), self._view.Eval(context)
         if touch.number > 0 or touch.done or view.home:
             return self._home(context, state)
@@ -127,7 +143,7 @@ class Look(ArmTask):
     def _home(self, context: Context, state: LookState) -> LookState:
         if np.array_equal(state.motion.knots[-1], self._q_home):
             return replace(state, phase=LookPhase.WAIT)
-        path = None if state.failure else self._path(context, self._q_home, seed=0)
+        path = self._path(context, self._q_home, seed=0)
         if path is None:
             why = "the camera's arm finds no way out of the other arm's way"
             return replace(state, phase=LookPhase.WAIT, failure=why)

@@ -167,6 +167,7 @@ def connect_declutter(
     tasks, command = {"touch": touch, "move": move}, "joint_position_commanded"
     switch = builder.AddNamedSystem(f"{TOUCHER}_switch", CommandSwitch([*tasks], q_home))
     connections = [
+        (sensors.colour, look, "color_measured"),
         (look.GetOutputPort("looked"), declutter.segmenter, "looked"),
         (look.GetOutputPort("unreachable"), sequence, "unreachable"),
         (look.GetOutputPort("is_away"), move, "is_clear"),

@@ -141,6 +141,7 @@ def add_control(
     connections = [
         (guess, views, "pose_guess"),
         (view, look, "view_latest"),
+        (sensors.depth, look, "depth_measured"),
         (views.GetOutputPort("view_latest"), touches, "view_latest"),
         (touches.GetOutputPort("touch_latest"), look, "touch_latest"),
         (touches.GetOutputPort("touch_latest"), touch, "touch_latest"),

@@ -19,6 +19,7 @@ from crossmodal.diagrams.clutter.robot_config import (
 )
 from crossmodal.diagrams.clutter.station.wiring import StationWiring
 from crossmodal.diagrams.run.calibration import Calibration
+from crossmodal.diagrams.run.sensor_streams.stream_faults import add_stream_faults
 from crossmodal.diagrams.stations.add_arm import add_encoders
 from crossmodal.diagrams.stations.add_cameras import (
     CameraCarrier,
@@ -159,11 +160,14 @@ def add_sensors(
     builder.Connect(forces.get_output_port(), sensor.get_input_port())
     builder.ExportOutput(sensor.GetOutputPort("taxel_window"), "taxel_window")
     stamps = builder.GetSubsystemByName("image_stamps")
+    images = ("color_measured", "depth_measured")
+    faults = [fault for fault in scenario.disturbances.faults if fault.stream in images]
+    heard = add_stream_faults(builder, stamps, faults, scenario.network_period, scenario.seed)
     return RobotSensors(
         encoders=encoders,
         taxels=sensor.GetOutputPort("taxel_measured"),
         fingers=fingers,
-        colour=stamps.GetOutputPort("color_measured"),
-        depth=stamps.GetOutputPort("depth_measured"),
+        colour=heard("color_measured"),
+        depth=heard("depth_measured"),
         mask=builder.GetSubsystemByName("robot_mask").GetOutputPort("robot_mask"),
     )

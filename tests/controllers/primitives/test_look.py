@@ -9,6 +9,7 @@ from known_scene import camera_arm, camera_planner, pose_at
 from numpy.testing import assert_allclose, assert_array_equal
 from pydrake.common.value import AbstractValue
 from pydrake.systems.analysis import Simulator
+from pydrake.systems.sensors import ImageDepth32F, ImageRgba8U
 
 from crossmodal.controllers.arm.motion_planner import MotionPlanner
 from crossmodal.controllers.primitives.arm_task import TransitConfig
@@ -16,7 +17,13 @@ from crossmodal.controllers.primitives.look import Look, LookConfig, LookPhase
 from crossmodal.maths import se3
 from crossmodal.plants.robots.panda import PANDA_AWAY
 from crossmodal.plants.robots.ur5 import UR5_HOME
-from crossmodal.systems.port_values import NO_TOUCH, NO_VIEW, TouchRequest, ViewRequest
+from crossmodal.systems.port_values import (
+    NO_TOUCH,
+    NO_VIEW,
+    StampedImage,
+    TouchRequest,
+    ViewRequest,
+)
 
 PERIOD, REST = 0.05, 0.3
 CONFIG = LookConfig(
@@ -51,6 +58,7 @@ class Trial:
         self.ask(NO_VIEW)
         self.touch(NO_TOUCH)
         self.phases = [""]
+        self.sees = True
         self.measure()
 
     def fix(self, port: str, value: Any) -> None:
@@ -73,6 +81,9 @@ class Trial:
             self.phases.append(self.read("phase"))
         self.q = np.array(self.read("joint_position_commanded"))
         self.fix("joint_state_measured", np.append(self.q, np.zeros(7)))
+        if self.sees:
+            image = StampedImage(time=self.context.get_time(), image=ImageDepth32F())
+            self.fix("depth_measured", AbstractValue.Make(image))
 
     def go_on(self, duration: float) -> None:
         for _ in range(round(duration / PERIOD)):
@@ -114,6 +125,30 @@ def test_a_view_counts_once_the_camera_rests_there(planner: MotionPlanner) -> No
     assert trial.number("looked") == 2
     assert_allclose(pose_at(camera_arm(), trial.q), SECOND.X_WC, atol=1e-3)
     assert (trial.number("unreachable"), trial.number("is_away")) == (0, 0)
+
+
+def test_a_camera_that_gives_no_image_is_waited_for_and_then_given_up(
+    planner: MotionPlanner,
+) -> None:
+    trial = Trial(planner)
+    trial.ask(FIRST)
+    trial.until(LookPhase.MOVE)
+    trial.sees = False  # What was seen on the way is not the view.
+    trial.until(LookPhase.WAIT)
+    assert trial.read("failure") == f"the camera has given no image for {CONFIG.patience:g} s"
+    assert trial.number("looked") == 0
+    trial.ask(SECOND)
+    trial.go_on(1.0)
+    assert trial.read("phase") == ""
+
+
+def test_a_view_counts_once_colour_has_come_too(planner: MotionPlanner) -> None:
+    trial = Trial(planner)
+    trial.fix("color_measured", AbstractValue.Make(StampedImage(time=0.0, image=ImageRgba8U())))
+    trial.ask(FIRST)
+    trial.until(LookPhase.MOVE)
+    trial.until(LookPhase.WAIT)
+    assert "no image" in trial.read("failure")
 
 
 @pytest.mark.parametrize(

@@ -19,8 +19,7 @@ GOODS_DIR = SDF_DIR / "goods"
 _AS_AT_WORK = MultibodyPlantConfig(
     time_step=0.005, discrete_contact_approximation="lagged", stiction_tolerance=1e-4
 )
-# It takes half the time, and what friction holds creeps a hundred times as fast, so that what comes
-# to rest here hardly creeps there.
+# What friction holds creeps a hundred times as fast: what comes to rest here hardly creeps there.
 _HASTY = MultibodyPlantConfig(
     time_step=0.005, discrete_contact_approximation="lagged", stiction_tolerance=1e-2
 )
@@ -42,7 +41,7 @@ class GoodsScene:
     Args:
         names: Of models in models/sdf/goods.
         p_WTable: Where the middle of the table's top is (3,), [m].
-        hasty: Whether to simulate twice as fast, with friction that creeps a hundred times as fast.
+        hasty: Whether what friction holds creeps a hundred times as fast.
 
     Raises:
         ValueError: for a name that is not known, or given twice.

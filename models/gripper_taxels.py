@@ -41,7 +41,7 @@ _PHALANGE_END = -0.050  # z of the middle of the phalange's furthest taxels, [m]
 # two faces are pressed alike.
 _FACING = float(np.sqrt(0.5))
 # How far skin reaches beside a taxel: half the diagonal between those of a tip, which are furthest
-# apart, and more than to the edges of the fingers, [m].
+# apart (6.6 mm), so that no gap is left; it is farther than to the edges of a finger, [m].
 _SKIN = 0.0067
 _BESIDE = 0.5 * PITCH * np.array([-3.0, -1.0, 1.0, 3.0])  # y of four columns, [m].
 

@@ -102,10 +102,8 @@ class Look(ArmTask):
         self._q_home, self._patience = q_home, config.patience
         self._view = self.DeclareAbstractInputPort("view_latest", Value[object]())
         self._touch = self.DeclareAbstractInputPort("touch_latest", Value[object]())
-        self._images = [
-            self.DeclareAbstractInputPort(port, Value[object]())
-            for port in ("depth_measured", "color_measured")
-        ]
+        self._depth = self.DeclareAbstractInputPort("depth_measured", Value[object]())
+        self._colour = self.DeclareAbstractInputPort("color_measured", Value[object]())
         self._declare_state(LookState(motion=resting(q_home)), config.period)
         self._declare_command()
         self._declare_vector("looked", 1, lambda c: self._state(c).looked, self._on_state)
@@ -126,8 +124,8 @@ class Look(ArmTask):
         if time < rested or state.failure:
             return state
         if state.phase is LookPhase.MOVE:
-            images = [port.Eval(context) for port in self._images if port.HasValue(context)]
-            if min(image.time for image in images) >= rested:
+            images = [self._depth, *(port for port in [self._colour] if port.HasValue(context))]
+            if min(port.Eval(context).time for port in images) >= rested:
                 return replace(state, phase=LookPhase.LOOK, looked=state.number)
             if time > rested + self._patience:
                 why = f"the camera has given no image for {self._patience:g} s"

@@ -11,7 +11,6 @@ from crossmodal.diagrams.clutter.results.graph_picture import graph_picture
 from crossmodal.diagrams.clutter.scenario import object_names, target_name
 from crossmodal.diagrams.run.experiment import Metric
 from crossmodal.diagrams.run.record import EpisodeRecord
-from crossmodal.diagrams.run.recorder import STATUS_PORT
 from crossmodal.plants.goods.clutter_density import nearer_than
 from crossmodal.systems.declutter.declutter_sequence import LEFT_ALONE, UNREACHABLE
 from crossmodal.systems.port_values import (
@@ -65,13 +64,16 @@ def declutter_summary(record: EpisodeRecord) -> dict[str, Any]:
     }
 
 
-def clearing_failure(record: EpisodeRecord) -> str | None:
-    """Why something is still in the way; None where nothing is, or nothing was to be taken away."""
+def clearing_failure(record: EpisodeRecord, note: str) -> str | None:
+    """Why something is still in the way; None where nothing is, or nothing was to be taken away.
+
+    Args:
+        record: Of the episode.
+        note: The station's last one, which says what stopped it.
+    """
     progress = _progress(record)
     if not progress.done:
-        status = record.station_values(STATUS_PORT)
-        why = status[-1].note if status else ""
-        return why or "the time was over while something was in the way"
+        return note or "the time was over while something was in the way"
     return progress.why if progress.why not in ("", LEFT_ALONE) else None
 
 

@@ -202,7 +202,7 @@ def _task_failure(record: EpisodeRecord, stages: Sequence[Mapping[str, Any]]) ->
     if made and "contact" not in made:
         return f"none of {len(made)} touches met the object"
     if record.scenario.clutter.count and not wanted and not record.scenario.views.count:
-        return clearing_failure(record)
+        return clearing_failure(record, why)
     return None
 
 

@@ -165,19 +165,20 @@ def test_metrics_count_what_was_begun(record: EpisodeRecord) -> None:
 
 
 @pytest.mark.parametrize(
-    ("progress", "failure"),
+    ("progress", "note", "failure"),
     [
-        (DeclutterProgress(done=True, found=True), None),
-        (DeclutterProgress(done=True, found=True, why=LEFT_ALONE), None),
-        (DeclutterProgress(done=True, found=True, why=NOTHING_LEFT), NOTHING_LEFT),
-        (NO_PROGRESS, "the time was over while something was in the way"),
+        (DeclutterProgress(done=True, found=True), "", None),
+        (DeclutterProgress(done=True, found=True, why=LEFT_ALONE), "", None),
+        (DeclutterProgress(done=True, found=True, why=NOTHING_LEFT), "", NOTHING_LEFT),
+        (NO_PROGRESS, "", "the time was over while something was in the way"),
+        (NO_PROGRESS, "the camera is broken", "the camera is broken"),
     ],
 )
 def test_what_is_still_in_the_way_is_a_failure(
-    progress: DeclutterProgress, failure: str | None
+    progress: DeclutterProgress, note: str, failure: str | None
 ) -> None:
     record = made(progress)
-    assert clearing_failure(record) == failure
+    assert clearing_failure(record, note) == failure
     assert declutter_summary(record)["is_free"] == (progress.done and not progress.why)
 
 

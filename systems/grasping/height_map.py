@@ -53,7 +53,7 @@ class SeenPoints(Immutable):
     """What each pixel of an image shows, (H, W).
 
     Attributes:
-        xy: Place (H, W, 2) in W, [m]; NaN where nothing is known.
+        xy: Place (2, H, W) in W, [m]; NaN where nothing is known.
         heights: Above the table, [m]; NaN likewise.
         highest: At most, where it is not seen how high it is; else the same, [m].
         labels: Number of the object, -1 where there is none.
@@ -100,7 +100,7 @@ def seen_points(
     along = np.where(rays[..., 2] < 0.0, down / -rays[..., 2], np.nan)
     farthest = np.nanmax(along[labels >= 0], initial=0.0)
     return SeenPoints(
-        xy=X_WC[:2, 3] + along[..., None] * rays[..., :2],
+        xy=X_WC[:2, 3, None, None] + along * np.moveaxis(rays[..., :2], -1, 0),
         heights=heights,
         highest=highest,
         labels=labels,
@@ -127,20 +127,21 @@ def height_map(seen: SeenPoints, label: int) -> HeightMap:
     Raises:
         ValueError: where no pixel shows the object.
     """
-    own = seen.xy[seen.labels == label]
-    own = own[np.isfinite(own[:, 0])]
-    if not len(own):
+    own = seen.xy[:, seen.labels == label]
+    own = own[:, np.isfinite(own[0])]
+    if not own.size:
         raise ValueError(f"no pixel shows object {label}")
-    middle = 0.5 * (own.min(axis=0) + own.max(axis=0))
+    middle = 0.5 * (own.min(axis=1) + own.max(axis=1))
     half = 0.5 * CELLS * CELL
-    away = np.abs(seen.xy - middle)
-    inside = (away[..., 0] < half) & (away[..., 1] < half)
+    near_x, near_y = (np.abs(of - at) < half for of, at in zip(seen.xy, middle, strict=True))
+    inside = np.flatnonzero(near_x & near_y)
     corner = middle - half + 0.5 * CELL
-    labels, gap = seen.labels[inside], seen.gap
-    cells = np.round((seen.xy[inside] - corner) / CELL).astype(int)
+    labels, gap = seen.labels.ravel()[inside], seen.gap
+    xy = seen.xy.reshape(2, -1)[:, inside].T
+    cells = np.round((xy - corner) / CELL).astype(int)
     is_object, is_beside = labels == label, labels < 0
     is_other = ~(is_object | is_beside)
-    heights, highest = seen.heights[inside], seen.highest[inside]
+    heights, highest = seen.heights.ravel()[inside], seen.highest.ravel()[inside]
     heights, others, beside = (
         _from_above(cells[chosen], values[chosen], gap)
         for chosen, values in ((is_object, heights), (is_other, highest), (is_beside, heights))

@@ -13,7 +13,7 @@ from crossmodal.models.gripper_taxels import TRAVEL, gripper_taxels
 _SIGNS = np.array([1.0, -1.0])
 _FINGER = gripper_taxels().finger  # Of each taxel.
 _GAIN = 0.1  # Share of the error of the force that is corrected by a decision.
-_LOADED = 5.0  # Standard deviations of its noise: a taxel that is pressed.
+LOADED = 5.0  # Standard deviations of its noise: a taxel that is pressed.
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,7 +42,7 @@ def finger_forces(forces: Array, noise: float) -> FingerForces:
         noise: Standard deviation of a component of these, [N].
     """
     inwards = _SIGNS[_FINGER] * forces[:, 0]
-    pressed = inwards > _LOADED * noise
+    pressed = inwards > LOADED * noise
     normal = np.where(pressed, inwards, 0.0).reshape(2, -1).sum(axis=1)
     return FingerForces(normal=normal, shear=forces[pressed, 1:].sum(axis=0))
 

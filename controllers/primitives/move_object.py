@@ -13,7 +13,7 @@ from crossmodal.controllers.arm.kinematics import ArmModel
 from crossmodal.controllers.arm.motion_planner import MotionPlanner
 from crossmodal.controllers.primitives.action_plan import ActionPlan, ActionPlanner, Leg
 from crossmodal.controllers.primitives.arm_task import ArmTask
-from crossmodal.controllers.primitives.grip import FingerForces, Grip, finger_forces
+from crossmodal.controllers.primitives.grip import LOADED, FingerForces, Grip, finger_forces
 from crossmodal.controllers.primitives.move_object_config import (
     ActionEnd,
     ActionOutcome,
@@ -21,7 +21,7 @@ from crossmodal.controllers.primitives.move_object_config import (
     MoveObjectConfig,
 )
 from crossmodal.controllers.primitives.taxel_tare import TaxelTare, no_tare, tare
-from crossmodal.maths.arrays import Array
+from crossmodal.maths.arrays import Array, Ids
 from crossmodal.maths.immutable import Immutable
 from crossmodal.maths.validation import check
 from crossmodal.models.gripper_taxels import THICKNESS, gripper_taxels, tip_taxels
@@ -135,11 +135,12 @@ class MoveObject(ArmTask):
         super().__init__(arm, planner, config.transit, {name: len(q) for name, q in others.items()})
         self._config, self._q_home, self._away = config, q_home, others
         self._actions = ActionPlanner(planner, gripper, config)
-        layout = gripper_taxels()
+        self._layout = layout = gripper_taxels()
         taxels = len(layout.names)
         # What a finger pushes with: what lies farther from the middle than its core.
         outside = np.abs(layout.p_FS[:, 0]) > 0.5 * THICKNESS
         self._faces = [outside & (layout.finger == finger) for finger in (0, 1)]
+        self._inside = np.flatnonzero(np.abs(layout.p_FS[:, 0]) < 0.5 * THICKNESS)
         self._tips = tip_taxels()
         self._request = self.DeclareAbstractInputPort("action_request", Value[object]())
         self._taxels = self.DeclareVectorInputPort("taxel_measured", 3 * taxels)
@@ -264,6 +265,7 @@ class MoveObject(ArmTask):
             left = self._planner.length(np.array([here, goal]))
             assert state.plan is not None
             if left > max(self._config.landing, state.plan.spare):
+                state = self._met(context, state, self._tips, np.inf)
                 return self._ended(context, state, ActionOutcome.BLOCKED)
             return self._begin(context, state)
         return self._begin(context, state) if self._rests(context, state) else state
@@ -275,7 +277,7 @@ class MoveObject(ArmTask):
         if not self._has(context, state):
             missed = replace(state, end=replace(state.end, outcome=ActionOutcome.MISSED))
             return self._begin(context, replace(missed, legs=(Leg(phase=ActionPhase.OPEN),)))
-        return self._begin(context, state)
+        return self._begin(context, self._met(context, state, self._inside, 0.0))
 
     def _carry(self, context: Context, state: MoveState) -> MoveState:
         if not self._holds(context, state):
@@ -334,15 +336,20 @@ class MoveObject(ArmTask):
         )
         readings = np.append(state.readings, -ahead * forces[face, 0].sum())[-longest:]
         noise = state.tare.noise * np.sqrt(face.sum())
-        felt = any(
-            readings[-count:].mean()
-            > config.significance * noise * np.sqrt(1 / count + config.period / config.tare_time)
+        felt = [
+            count
             for count in (shortest, longest)
             if len(readings) >= count
-        )
+            and readings[-count:].mean()
+            > config.significance * noise * np.sqrt(1 / count + config.period / config.tare_time)
+        ]
         q = state.motion.at(time)
         gone = self._planner.length(np.array([state.motion.knots[0], q]))
-        touched = gone if felt and np.isnan(state.touched) else state.touched
+        touched = state.touched
+        if felt and np.isnan(touched):
+            touched = gone
+            late = felt[0] * config.period * config.speed
+            state = self._met(context, state, np.flatnonzero(face), late)
         state = replace(
             state, readings=readings, touched=touched, felt=gone if felt else state.felt
         )
@@ -384,6 +391,23 @@ class MoveObject(ArmTask):
             return replace(state, motion=motion, trail=tuple(trail))
         end = replace(state.end, seconds=time - state.started)
         return replace(state, leg=Leg(phase=ActionPhase.WAIT), last=end)
+
+    def _met(self, context: Context, state: MoveState, taxels: Ids, depth: float) -> MoveState:
+        """Adds what some of the taxels have met to the contacts, so far within an outline [m].
+
+        Of each finger that is the middle of those that are pressed, by their forces.
+        """
+        forces = np.linalg.norm(state.forces[taxels], axis=1)
+        weights = np.where(forces > LOADED * state.tare.noise, forces, 0.0)
+        measured = np.asarray(self._fingers.Eval(context))
+        X_WE = self._arm_state(context).X_WE
+        p_WT = X_WE[:3, 3] + self._layout.p_ET(measured)[taxels] @ X_WE[:3, :3].T
+        contacts = [state.end.contacts]
+        for finger in (0, 1):
+            own = np.where(self._layout.finger[taxels] == finger, weights, 0.0)
+            if own.sum() > 0.0:
+                contacts.append(np.append(own @ p_WT[:, :2] / own.sum(), depth)[None])
+        return replace(state, end=replace(state.end, contacts=np.concatenate(contacts)))
 
     # From one leg to the next.
 

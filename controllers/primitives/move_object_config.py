@@ -3,6 +3,8 @@
 from dataclasses import dataclass, field
 from enum import StrEnum
 
+import numpy as np
+
 from crossmodal.controllers.primitives.arm_task import TransitConfig
 from crossmodal.maths.arrays import Array, unknown
 from crossmodal.maths.immutable import Immutable
@@ -113,6 +115,9 @@ class ActionEnd(Immutable):
         X_WE: Where the gripper let the object go (4, 4), by the measured joints; NaN if it held
             none.
         pushed: How far the object was pushed, [m]; zero if it was not.
+        contacts: Where fingers met objects (K, 3): x and y in W by the measured joints, and how
+            far within the object's outline that may be; infinite for what a finger came down on,
+            [m].
         seconds: How long it took, from the request to the gripper's return.
     """
 
@@ -120,4 +125,5 @@ class ActionEnd(Immutable):
     outcome: ActionOutcome = ActionOutcome.NONE
     X_WE: Array = unknown(4, 4)
     pushed: float = 0.0
+    contacts: Array = field(default_factory=lambda: np.zeros((0, 3)))
     seconds: float = 0.0

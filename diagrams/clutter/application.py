@@ -30,6 +30,7 @@ from crossmodal.systems.port_values import (
     NO_GRAPH,
     NO_MASKS,
     NO_MEASUREMENT,
+    NO_OFFSET,
     NO_PROGRESS,
     NO_TOUCH,
     NO_VIEW,
@@ -41,6 +42,7 @@ _OF_CLUTTER = [
     Quantity(port="object_masks", model=NO_MASKS),
     Quantity(port="declutter_graph", model=NO_GRAPH),
     Quantity(port="declutter_progress", model=NO_PROGRESS),
+    Quantity(port="arm_offset", model=NO_OFFSET),
 ]
 
 APPLICATION = Application(

@@ -9,6 +9,7 @@ from crossmodal.controllers.primitives.move_object_config import MoveObjectConfi
 from crossmodal.maths.validation import number
 from crossmodal.plants.robots.panda import PANDA_WITH_CAMERA
 from crossmodal.plants.robots.ur5 import UR5_WITH_GRIPPER
+from crossmodal.systems.declutter.arm_offset import ArmOffsetConfig
 from crossmodal.systems.grasping.grasp_planner import GraspPlannerConfig
 from crossmodal.systems.pose.target_view import TargetViewConfig
 from crossmodal.systems.segmentation.segmenter import SegmenterConfig
@@ -42,6 +43,7 @@ class PerceptionConfig:
     view: TargetViewConfig = field(default_factory=TargetViewConfig)
     segmenter: SegmenterConfig = field(default_factory=SegmenterConfig)
     grasps: GraspPlannerConfig = field(default_factory=GraspPlannerConfig)
+    arm_offset: ArmOffsetConfig = field(default_factory=ArmOffsetConfig)
     # By how much a touch moves the object, as it is believed; the standard deviation. In the two
     # decisions that it takes to stop, the arm goes on by 0.25 mm at 25 mm/s.
     moved: float = number(1.5e-4, at_least=0.0, at_most=0.1, unit="m")

@@ -7,7 +7,7 @@ from tqdm import tqdm
 
 from crossmodal.diagrams.clutter.robot_config import TOUCH_ARM
 from crossmodal.diagrams.clutter.scenario import Scenario, generator, other_goods, target_name
-from crossmodal.diagrams.run.calibration import Calibration, draw_base
+from crossmodal.diagrams.run.calibration import Calibration, draw_base, draw_camera
 from crossmodal.maths.arrays import Array
 from crossmodal.plants.goods.dense_clutter import make_dense_clutter
 from crossmodal.systems.port_values import PosePrior, of_mesh
@@ -64,6 +64,23 @@ def true_displacement(scenario: Scenario, calibration: Calibration) -> Array:
         name, X_WBase = TOUCH_ARM, calibration.arms[TOUCH_ARM].X_WBase
     true = draw_base(name, X_WBase, scenario.calibration.errors, scenario.seed)
     return np.asarray((true @ X_WBase.inverse()).GetAsMatrix4())
+
+
+def true_offset(scenario: Scenario, calibration: Calibration, X_WC: Array, p: Array) -> Array:
+    """By how much the touching arm meets a place beside where the camera sees it (3,), in W, [m].
+
+    Args:
+        scenario: With the seed and the errors.
+        calibration: As believed.
+        X_WC: Of the camera as believed (4, 4).
+        p: Where it sees the place (3,), [m].
+    """
+    ((name, believed),) = calibration.cameras.items()
+    camera = draw_camera(name, believed, scenario.calibration.errors, scenario.seed)
+    mounting = (believed.X_PC.inverse() @ camera.X_PC).GetAsMatrix4()
+    X_seen = X_WC @ mounting @ np.linalg.inv(X_WC)
+    X_met = np.linalg.inv(true_displacement(scenario, calibration)) @ X_seen
+    return np.asarray((X_met @ np.append(p, 1.0))[:3] - p)
 
 
 def first_guess(scenario: Scenario, X_WM: Array, model: TargetModel) -> PosePrior:

@@ -13,6 +13,7 @@ from pydrake.systems.framework import Context
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.immutable import Immutable
 from crossmodal.maths.validation import check, number
+from crossmodal.systems.declutter.arm_offset import as_met
 from crossmodal.systems.declutter.around import (
     AroundConfig,
     bodies_around,
@@ -26,12 +27,14 @@ from crossmodal.systems.port_values import (
     NO_ACTION,
     NO_GRAPH,
     NO_GRASPS,
+    NO_OFFSET,
     NO_PRIOR,
     NO_PROGRESS,
     NO_SEGMENTS,
     NO_TRIES,
     NO_VIEW,
     ActionRequest,
+    ArmOffset,
     Bodies,
     DeclutterAction,
     DeclutterGraph,
@@ -197,6 +200,8 @@ class DeclutterSequence(RecursiveFilter):
     - `segments`: `Segments` of the last image; places in W, [m].
     - `grasps`: `Grasps` of an image.
     - `declutter_graph`: `DeclutterGraph` of an image.
+    - `arm_offset`: `ArmOffset`, by which requests are displaced. May stay unconnected, then by
+      nothing.
     - `action_end`: how the last action ended, with `number` and `outcome`.
     - `unreachable`: (1,) number of the last view that the camera cannot get to.
     - `view_planned`: `ViewRequest` for the target's pose, numbered from one on.
@@ -246,6 +251,7 @@ class DeclutterSequence(RecursiveFilter):
         self._segments = self._declare_value_input("segments", NO_SEGMENTS)
         self._grasps = self._declare_value_input("grasps", NO_GRASPS)
         self._graph = self._declare_value_input("declutter_graph", NO_GRAPH)
+        self._offset = self._declare_value_input("arm_offset", NO_OFFSET)
         self._end = self.DeclareAbstractInputPort("action_end", Value[object]())
         self._unreachable = self.DeclareVectorInputPort("unreachable", 1)
         self._planned = self._declare_value_input("view_planned", NO_VIEW)
@@ -376,6 +382,8 @@ class DeclutterSequence(RecursiveFilter):
             top=vertex.segment.top,
             obstacles=bodies_around(others, self._height, self._config.around),
         )
+        offset: ArmOffset = self._read_optional(self._offset, context) or NO_OFFSET
+        request = as_met(request, offset.mean)
         return replace(
             state, phase=DeclutterPhase.CLEAR, request=request, sides=0, unseen=0, centred=0
         )

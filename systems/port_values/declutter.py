@@ -285,6 +285,21 @@ class ActionRequest(Immutable):
 
 
 @dataclass(frozen=True, kw_only=True)
+class ArmOffset(Immutable):
+    """By how much an arm meets objects beside where a camera sees them, in x and y of W.
+
+    What the camera sees at p the arm meets at p + mean, give or take.
+
+    Attributes:
+        mean: (2,), [m].
+        covariance: (2, 2), [m^2].
+    """
+
+    mean: Array = field(default_factory=lambda: np.zeros(2))
+    covariance: Array = field(default_factory=lambda: np.zeros((2, 2)))
+
+
+@dataclass(frozen=True, kw_only=True)
 class DeclutterStep(Immutable):
     """What came of an action, by the images before and after it.
 
@@ -359,3 +374,4 @@ NO_GRAPH = DeclutterGraph(why="there is no image yet")
 NO_ACTION = ActionRequest()
 NO_MASKS = ObjectMasks()
 NO_PROGRESS = DeclutterProgress()
+NO_OFFSET = ArmOffset()

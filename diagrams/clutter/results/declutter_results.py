@@ -9,12 +9,15 @@ import numpy as np
 
 from crossmodal.diagrams.clutter.results.graph_picture import graph_picture
 from crossmodal.diagrams.clutter.scenario import object_names, target_name
+from crossmodal.diagrams.clutter.start import true_offset
 from crossmodal.diagrams.run.experiment import Metric
 from crossmodal.diagrams.run.record import EpisodeRecord
+from crossmodal.maths.gaussian import chi_square_gate
 from crossmodal.plants.goods.clutter_density import nearer_than
 from crossmodal.systems.declutter.declutter_sequence import LEFT_ALONE, UNREACHABLE
 from crossmodal.systems.port_values import (
     NO_PROGRESS,
+    ArmOffset,
     DeclutterAction,
     DeclutterGraph,
     DeclutterProgress,
@@ -43,7 +46,8 @@ def declutter_summary(record: EpisodeRecord) -> dict[str, Any]:
     how many objects hung together with the target in the first image that showed it, `is_free`
     whether none does at the end. `near_before` and `near_after` are the names of those that truly
     were nearer to it than `declutter.near`. `target_moved` is how far the target was truly moved
-    by all actions, `target_noticed` whether an image showed that it was.
+    by all actions, `target_noticed` whether an image showed that it was. `arm_offset` is by how
+    much the arm meets objects beside where the camera sees them.
     """
     progress = _progress(record)
     graphs = _graphs(record)
@@ -61,6 +65,7 @@ def declutter_summary(record: EpisodeRecord) -> dict[str, Any]:
         "ended": progress.why or ("the target is free" if progress.done else "not yet"),
         "target_moved": _target_moved(record),
         "target_noticed": any(targets & set(step.others) for step in progress.steps),
+        "arm_offset": _arm_offset(record),
     }
 
 
@@ -160,6 +165,27 @@ def _target_moved(record: EpisodeRecord) -> float | None:
     return float(np.linalg.norm(end.translation() - poses[0].translation()))
 
 
+def _arm_offset(record: EpisodeRecord) -> dict[str, Any] | None:
+    """What was learned of it, where the target was at first; None where nothing was seen."""
+    poses = record.station_values("cheat_object_pose")
+    masks: list[ObjectMasks] = [m for m in record.station_values("object_masks") if m.number > 0]
+    offsets: list[ArmOffset] = record.station_values("arm_offset")
+    if not (poses and masks and offsets):
+        return None
+    p, last = poses[0].translation(), offsets[-1]
+    true = true_offset(record.scenario, record.calibration, masks[0].X_WC, p)[:2]
+    error = true - last.mean
+    distance = float(error @ np.linalg.solve(last.covariance, error))
+    return {
+        "true": true.tolist(),
+        "believed": last.mean.tolist(),
+        "deviation": np.sqrt(np.diag(last.covariance)).tolist(),
+        "error_before": float(np.linalg.norm(true)),
+        "error": float(np.linalg.norm(error)),
+        "inside_claim": distance < chi_square_gate(0.05, 2),
+    }
+
+
 def _in_words(step: DeclutterStep) -> str:
     moved = "is not seen any more"
     if np.isfinite(step.displacement):
@@ -217,6 +243,9 @@ def declutter_metrics() -> list[Metric]:
     def out_of_the_way(summary: Mapping[str, Any]) -> float | None:
         away = [bool(a["out_of_the_way"]) for a in _begun(summary)]
         return float(np.mean(away)) if away else None
+
+    def of_offset(key: str) -> Callable[[Mapping[str, Any]], Any]:
+        return lambda summary: (summary["clutter"].get("arm_offset") or {}).get(key)
 
     def totals(kind: DeclutterAction) -> list[Metric]:
         return [
@@ -276,6 +305,24 @@ def declutter_metrics() -> list[Metric]:
             by_estimator=False,
             title="share of the target that was hidden from above",
             cell=mean_and_deviation,
+        ),
+        *(
+            Metric(
+                name=f"offset_{key}",
+                value=of_offset(key),
+                by_estimator=False,
+                unit="m",
+                title=f"error of where the arm meets what is seen, {when}",
+                cell=mean_and_deviation,
+            )
+            for key, when in (("error_before", "at first"), ("error", "at the end"))
+        ),
+        Metric(
+            name="offset_inside",
+            value=of_offset("inside_claim"),
+            by_estimator=False,
+            title="the same at the end, inside its claimed 95 % region",
+            cell=mean_share,
         ),
         Metric(
             name="moved_unnoticed",

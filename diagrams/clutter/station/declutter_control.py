@@ -17,10 +17,12 @@ from crossmodal.diagrams.clutter.scenario import target_name
 from crossmodal.diagrams.clutter.station.believed_arms import BelievedArms
 from crossmodal.diagrams.clutter.station.robot_sensors import RobotSensors
 from crossmodal.diagrams.clutter.station.wiring import StationWiring
+from crossmodal.diagrams.run.calibration import Calibration
 from crossmodal.diagrams.stations.drives import add_drives, follow
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
 from crossmodal.plants.goods.dense_clutter import mesh_vertices
+from crossmodal.systems.declutter.arm_offset import ArmOffsetFilter
 from crossmodal.systems.declutter.declutter_planner import DeclutterPlanner
 from crossmodal.systems.declutter.declutter_sequence import DeclutterSequence
 from crossmodal.systems.grasping.grasp_planner import GraspPlanner
@@ -89,6 +91,9 @@ def add_declutter_control(
     grasps = add("grasp_planner", GraspPlanner(height, perception.grasps, period))
     name = target_name(scenario)
     graph = add("declutter_planner", DeclutterPlanner(name, scenario.declutter, period))
+    places = _places(arms, table)
+    prior = _offset_covariance(wiring.calibration, places[0], table.X_WB[:3, 3])
+    offset = add("arm_offset", ArmOffsetFilter(prior, perception.arm_offset, period))
     sequence = add(
         "declutter_sequence",
         DeclutterSequence(
@@ -96,7 +101,7 @@ def add_declutter_control(
             model.middle,
             np.ptp(model.hull, axis=0),
             height,
-            _places(arms, table),
+            places,
             table,
             scenario.sequence,
             period,
@@ -126,6 +131,9 @@ def add_declutter_control(
         (segments, sequence, "segments"),
         (grasps.GetOutputPort("grasps"), sequence, "grasps"),
         (graph.GetOutputPort("declutter_graph"), sequence, "declutter_graph"),
+        (segments, offset, "segments"),
+        (move.GetOutputPort("action_end"), offset, "action_end"),
+        (offset.GetOutputPort("arm_offset"), sequence, "arm_offset"),
         (move.GetOutputPort("action_end"), sequence, "action_end"),
         (sequence.GetOutputPort("action_request"), move, "action_request"),
         (looker, move, f"{CAMERA_ARM}_joint_state_measured"),
@@ -139,6 +147,7 @@ def add_declutter_control(
         (graph, "declutter_graph"),
         (sequence, "action_request"),
         (sequence, "declutter_progress"),
+        (offset, "arm_offset"),
     ):
         builder.ExportOutput(system.GetOutputPort(port), port)
     return DeclutterControl(segmenter=segmenter, sequence=sequence, move=move)
@@ -189,6 +198,26 @@ def _table_box(region: shapely.Polygon, height: float) -> ViewRequest:
     X_WB = np.eye(4)
     X_WB[:3, 3] = [0.5 * (x + right), 0.5 * (y + up), height + 0.5 * _HIGHEST]
     return ViewRequest(box_edges=np.array([right - x, up - y, _HIGHEST]), X_WB=X_WB)
+
+
+def _offset_covariance(calibration: Calibration, X_WC: Array, p: Array) -> Array:
+    """Of a place as the touching arm has it from where the camera sees it (2, 2), [m^2].
+
+    Args:
+        calibration: As believed.
+        X_WC: Of the camera (4, 4).
+        p: The place in W (3,), [m].
+    """
+    (camera,), arm = calibration.cameras.values(), calibration.arms[TOUCH_ARM]
+    at = np.hstack([-se3.skew(p), np.eye(3)])  # How a twist in W displaces it.
+    moves = [
+        (at @ se3.adjoint(X), covariance)
+        for X, covariance in (
+            (X_WC, camera.pose_covariance),
+            (arm.X_WBase.GetAsMatrix4(), arm.covariance),
+        )
+    ]
+    return np.asarray(sum(J @ covariance @ J.T for J, covariance in moves))[:2, :2]
 
 
 def _places(arms: BelievedArms, table: ViewRequest) -> list[Array]:

@@ -263,6 +263,9 @@ def test_what_meets_the_fingers_ends_on_the_way_down_blocks(
     trial, end = done(planner, wanted, World(obstacle=HEIGHT + 0.04))
     assert end.outcome == "blocked"
     assert trial.phases[4:6] == [ActionPhase.RETREAT, ""]
+    ((x, y, depth),) = end.contacts
+    assert np.linalg.norm([x - AT[0], y - AT[1]]) < 0.06
+    assert depth == np.inf
 
 
 def test_what_stops_the_fingers_once_they_are_deep_enough_does_not_matter(

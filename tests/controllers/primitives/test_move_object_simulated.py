@@ -3,12 +3,14 @@
 import numpy as np
 import pytest
 import shapely
+from numpy.testing import assert_allclose
 from object_scene import ObjectScene
 from pydrake.math import RigidTransform
 
 from crossmodal.controllers.arm.motion_planner import box_vertices
 from crossmodal.controllers.primitives.arm_task import TransitConfig
 from crossmodal.controllers.primitives.move_object_config import GripConfig, MoveObjectConfig
+from crossmodal.maths.arrays import Array
 from crossmodal.systems.port_values import ActionRequest, DeclutterAction, Grasp, Push
 
 CAN, BOX = RigidTransform([0.6, -0.1, 0.0]), RigidTransform([0.6, 0.03, 0.0])
@@ -40,6 +42,7 @@ PUSH = ActionRequest(
     top=0.115,
     obstacles=(BOXED,),
 )
+SIDES = np.array([[0.633, -0.1], [0.567, -0.1]])  # Of the can, along x.
 QUICK = TransitConfig(speed=1.0, joint_speed=1.0, rest_time=0.1)
 
 
@@ -49,17 +52,21 @@ def upright(X_WO: RigidTransform) -> float:
 
 
 @pytest.mark.parametrize(
-    ("wanted", "grip", "outcome", "moved"),
+    ("wanted", "grip", "outcome", "moved", "met"),
     [
-        (GRASP, GripConfig(), "placed", (0.08, -0.1)),
-        (PUSH, GripConfig(), "pushed", (0.1, 0.0)),
+        (GRASP, GripConfig(), "placed", (0.08, -0.1), SIDES),
+        (PUSH, GripConfig(), "pushed", (0.1, 0.0), SIDES[1:]),
         # Twice 2 N at a friction of .53 do not bear its 3.4 N, and it is not held more tightly.
-        (GRASP, GripConfig(force=2.0, load=2.0), "slipped", (0.0, 0.0)),
+        (GRASP, GripConfig(force=2.0, load=2.0), "slipped", (0.0, 0.0), SIDES),
     ],
     ids=["grasp", "push", "slip"],
 )
 def test_a_can_is_moved_upright_and_a_box_beside_it_is_not(
-    wanted: ActionRequest, grip: GripConfig, outcome: str, moved: tuple[float, float]
+    wanted: ActionRequest,
+    grip: GripConfig,
+    outcome: str,
+    moved: tuple[float, float],
+    met: Array,
 ) -> None:
     config = MoveObjectConfig(transit=QUICK, grip=grip, lift=0.08)
     scene = ObjectScene({"can": CAN, "black_box": BOX}, wanted, config)
@@ -67,6 +74,8 @@ def test_a_can_is_moved_upright_and_a_box_beside_it_is_not(
     assert end.outcome == outcome
     motion = (scene.pose("can").translation() - CAN.translation())[:2]
     assert motion == pytest.approx(moved, abs=4e-3)
+    assert_allclose(end.contacts[:, :2], met, atol=3e-3)
+    assert (end.contacts[:, 2] < 2e-3).all()
     assert upright(scene.pose("can")) < 1.0
     box = scene.pose("black_box").translation() - BOX.translation()
     assert np.linalg.norm(box) < 1e-3

@@ -5,9 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from numpy.testing import assert_allclose
 from pydrake.math import RigidTransform
 
 from crossmodal.diagrams.applications import load_scenario
+from crossmodal.diagrams.clutter.estimators import make_calibration
 from crossmodal.diagrams.clutter.results.declutter_results import (
     clearing_failure,
     declutter_metrics,
@@ -16,8 +18,10 @@ from crossmodal.diagrams.clutter.results.declutter_results import (
     step_pictures,
 )
 from crossmodal.diagrams.clutter.scenario import object_names
-from crossmodal.diagrams.run.calibration import Calibration
+from crossmodal.diagrams.clutter.start import true_offset
+from crossmodal.diagrams.run.calibration import Calibration, CalibrationErrors
 from crossmodal.diagrams.run.record import EpisodeRecord, Tick
+from crossmodal.maths import se3
 from crossmodal.plants.goods.clutter_density import NO_DENSITY
 from crossmodal.systems.declutter.declutter_graph import (
     NOTHING_LEFT,
@@ -31,6 +35,7 @@ from crossmodal.systems.port_values import (
     NO_MASKS,
     NO_PROGRESS,
     NO_TRIES,
+    ArmOffset,
     DeclutterAction,
     DeclutterProgress,
     DeclutterStep,
@@ -159,9 +164,35 @@ def test_metrics_count_what_was_begun(record: EpisodeRecord) -> None:
         "near_after": 1.0,
         "is_free": True,
         "hidden_above": 0.4,
+        "offset_error_before": None,
+        "offset_error": None,
+        "offset_inside": None,
         "moved_unnoticed": False,
         "noticed_wrongly": False,
     }
+
+
+def test_what_the_arm_has_learned_of_its_offset_is_compared_with_the_truth(
+    record: EpisodeRecord,
+) -> None:
+    scenario, view = record.scenario, se3.looking_at(np.array([0.4, 0.0, 0.7]), np.zeros(3))
+    calibration, p = make_calibration(scenario), np.array([0.5, 0.0, 0.1])
+    true = true_offset(scenario, calibration, view, p)[:2]
+    assert 1e-3 < np.linalg.norm(true) < 0.03
+    learned = ArmOffset(mean=true + np.array([0.003, 0.0]), covariance=4e-6 * np.eye(2))
+    for tick in record.station:
+        tick.values["object_masks"] = replace(NO_MASKS, number=1, X_WC=view)
+        tick.values["arm_offset"] = ArmOffset(
+            mean=true + np.array([0.003, 0.0]), covariance=4e-6 * np.eye(2)
+        )
+    found = declutter_summary(replace(record, calibration=calibration))["arm_offset"]
+    assert found["error_before"] == pytest.approx(np.linalg.norm(true))
+    assert found["error"] == pytest.approx(0.003)
+    assert found["inside_claim"]
+    perfect = replace(
+        scenario, calibration=replace(scenario.calibration, errors=CalibrationErrors())
+    )
+    assert_allclose(true_offset(perfect, calibration, view, p), 0.0, atol=1e-9)
 
 
 @pytest.mark.parametrize(

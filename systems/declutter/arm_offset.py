@@ -1,0 +1,169 @@
+"""By how much an arm meets objects beside the place where a camera sees them.
+
+Camera and arm are each mounted some millimetres and tenths of a degree from where they are believed
+to be. Over a table both errors together hardly differ from place to place: they are one
+displacement in the table's plane. What the arm meets while it works tells it.
+"""
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import shapely
+from pydrake.systems.framework import Context
+from scipy.special import ndtr
+from shapely.affinity import translate
+
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.validation import check, number
+from crossmodal.systems.port_values import (
+    NO_OFFSET,
+    NO_SEGMENTS,
+    ActionRequest,
+    ArmOffset,
+    Segments,
+)
+from crossmodal.systems.recursive_filter import RecursiveFilter
+
+_CELLS = 51  # Of the grid along each axis.
+_REACH = 4.0  # Of the grid to each side, in standard deviations before anything was met.
+_LEAST_DEPTH = 1e-3  # What is met at an outline is met within so much of it, [m].
+
+
+@dataclass(kw_only=True)
+class ArmOffsetConfig:
+    """How well an outline tells where an object begins."""
+
+    # Of an outline; the standard deviation.
+    outline: float = number(0.004, above=0.0, at_most=0.1, unit="m")
+    # Share of contacts that say nothing: what was met had moved, or was something unseen.
+    wrong: float = number(0.1, above=0.0, below=1.0)
+
+
+def beyond_outlines(points: Array, scene: Segments) -> Array:
+    """Distances (N,) of places (N, 2) to the nearest outline, negative within one, [m].
+
+    Infinite, where there is no object.
+    """
+    at, nearest = shapely.points(points), np.full(len(points), np.inf)
+    for segment in scene.segments:
+        shapely.prepare(segment.contour)
+        apart = shapely.distance(at, segment.contour.boundary)
+        nearest = np.minimum(
+            nearest, np.where(shapely.contains(segment.contour, at), -apart, apart)
+        )
+    return nearest
+
+
+def likelihood(contact: Array, offsets: Array, scene: Segments, config: ArmOffsetConfig) -> Array:
+    """Of one contact, for offsets (N, 2) [m], up to a factor (N,).
+
+    A contact is anywhere between the outline and so far within it: where a push was felt late, the
+    object had gone with the finger; where a finger came down on something, it may be anywhere on
+    it. With the outline's error that is a difference of two normal distributions.
+
+    Args:
+        contact: x and y of its place and how far within the outline it may be (3,), [m].
+        offsets: Of the arm.
+        scene: What was seen before.
+        config: Of the outlines.
+    """
+    beyond = beyond_outlines(contact[:2] - offsets, scene) / config.outline
+    depth = max(contact[2], _LEAST_DEPTH) / config.outline
+    found = ndtr(-beyond) - ndtr(-beyond - depth)
+    best = 2.0 * ndtr(0.5 * depth) - 1.0
+    return np.asarray((1.0 - config.wrong) * found / best + config.wrong)
+
+
+def as_met(request: ActionRequest, offset: Array) -> ActionRequest:
+    """A request for places that a camera has seen, at those where the arm meets them.
+
+    Args:
+        request: What is to be done.
+        offset: Of the arm in x and y of W (2,), [m].
+    """
+    aside = np.append(offset, 0.0)
+    X = np.eye(4)
+    X[:3, 3] = aside
+    return replace(
+        request,
+        grasps=tuple(replace(grasp, X_WE=X @ grasp.X_WE) for grasp in request.grasps),
+        pushes=tuple(
+            replace(push, point=push.point + offset, finger=translate(push.finger, *offset))
+            for push in request.pushes
+        ),
+        places=request.places + offset,
+        obstacles=tuple(vertices + aside for vertices in request.obstacles),
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Belief:
+    """Density (N,) over the grid, and of which action the contacts were counted last."""
+
+    density: Array
+    number: int = 0
+    offset: ArmOffset = field(default=NO_OFFSET)
+
+
+class ArmOffsetFilter(RecursiveFilter):
+    """Learns the offset from what the arm meets: a Bayes filter on a grid of offsets.
+
+    Input ports:
+    - `segments`: `Segments` of the last image; places in W as the camera has them, [m].
+    - `action_end`: how the last action ended, with `number` and `contacts` (K, 3): x and y of the
+      place in W as the arm has it, and how far within an outline it may be, [m].
+
+    Output ports:
+    - `arm_offset`: `ArmOffset` of the last tick, from the state alone.
+    """
+
+    def __init__(self, covariance: Array, config: ArmOffsetConfig, period: float) -> None:
+        """Makes the filter.
+
+        Args:
+            covariance: Of the offset before anything was met (2, 2), [m^2].
+            config: Of the outlines.
+            period: Of the ticks, [s].
+
+        Raises:
+            ValueError: for an impossible configuration, and for a covariance that is none.
+        """
+        super().__init__()
+        check(config, "ArmOffsetFilter")
+        self._config = config
+        try:
+            root = np.linalg.cholesky(covariance)
+        except np.linalg.LinAlgError as error:
+            why = f"covariance = {covariance.tolist()} m^2 is not positive definite"
+            raise ValueError(f"ArmOffsetFilter: {why}") from error
+        axis = np.linspace(-_REACH, _REACH, _CELLS)
+        deviations = np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)
+        self._offsets = deviations @ root.T
+        density = np.exp(-0.5 * np.square(deviations).sum(axis=1))
+        self._segments = self._declare_value_input("segments", NO_SEGMENTS)
+        self._end = self._declare_value_input("action_end", object())
+        self._declare_recursion(self._belief(density, 0), self._calc, period)
+        self._declare_latest("arm_offset", lambda belief: belief.offset)
+
+    def _calc(self, context: Context, belief: Any) -> _Belief:
+        before: _Belief = belief
+        end = self._read(self._end, context)
+        if end.number == before.number:
+            return before
+        scene: Segments = self._read(self._segments, context)
+        density = before.density
+        for contact in end.contacts:
+            density = density * likelihood(contact, self._offsets, scene, self._config)
+        return self._belief(density, end.number)
+
+    def _belief(self, density: Array, number: int) -> _Belief:
+        density = density / density.sum()
+        mean = density @ self._offsets
+        away = self._offsets - mean
+        covariance = (density[:, None] * away).T @ away
+        return _Belief(
+            density=density,
+            number=number,
+            offset=ArmOffset(mean=mean, covariance=covariance),
+        )

@@ -277,7 +277,7 @@ class MoveObject(ArmTask):
         if not self._has(context, state):
             missed = replace(state, end=replace(state.end, outcome=ActionOutcome.MISSED))
             return self._begin(context, replace(missed, legs=(Leg(phase=ActionPhase.OPEN),)))
-        return self._begin(context, self._met(context, state, self._inside, 0.0))
+        return self._begin(context, state)
 
     def _carry(self, context: Context, state: MoveState) -> MoveState:
         if not self._holds(context, state):
@@ -315,6 +315,7 @@ class MoveObject(ArmTask):
             return state
         elif not stands and state.legs[0].phase is ActionPhase.LOWER:
             return self._begin(context, state)
+        state = self._met(context, state, self._inside, 0.0)
         state = replace(state, legs=state.legs[-1:])  # That opens the gripper.
         end = replace(state.end, outcome=outcome, X_WE=self._arm_state(context).X_WE)
         return self._begin(context, replace(state, end=end))
@@ -336,20 +337,15 @@ class MoveObject(ArmTask):
         )
         readings = np.append(state.readings, -ahead * forces[face, 0].sum())[-longest:]
         noise = state.tare.noise * np.sqrt(face.sum())
-        felt = [
-            count
+        felt = any(
+            readings[-count:].mean()
+            > config.significance * noise * np.sqrt(1 / count + config.period / config.tare_time)
             for count in (shortest, longest)
             if len(readings) >= count
-            and readings[-count:].mean()
-            > config.significance * noise * np.sqrt(1 / count + config.period / config.tare_time)
-        ]
+        )
         q = state.motion.at(time)
         gone = self._planner.length(np.array([state.motion.knots[0], q]))
-        touched = state.touched
-        if felt and np.isnan(touched):
-            touched = gone
-            late = felt[0] * config.period * config.speed
-            state = self._met(context, state, np.flatnonzero(face), late)
+        touched = gone if felt and np.isnan(state.touched) else state.touched
         state = replace(
             state, readings=readings, touched=touched, felt=gone if felt else state.felt
         )
@@ -366,6 +362,10 @@ class MoveObject(ArmTask):
             outcome = ActionOutcome.PUSHED
         if not outcome:
             return state
+        if outcome is ActionOutcome.PUSHED:
+            # To where the arm is commanded the object is pushed before the arm rests.
+            X_WE = self._arm.Evaluate(np.append(q, np.zeros_like(q))).X_WE
+            state = self._met(context, state, np.flatnonzero(face), 0.0, X_WE)
         state = replace(state, end=replace(state.end, pushed=pushed))
         return self._ended(context, state, outcome)
 
@@ -392,15 +392,24 @@ class MoveObject(ArmTask):
         end = replace(state.end, seconds=time - state.started)
         return replace(state, leg=Leg(phase=ActionPhase.WAIT), last=end)
 
-    def _met(self, context: Context, state: MoveState, taxels: Ids, depth: float) -> MoveState:
-        """Adds what some of the taxels have met to the contacts, so far within an outline [m].
+    def _met(
+        self,
+        context: Context,
+        state: MoveState,
+        taxels: Ids,
+        depth: float,
+        X_WE: Array | None = None,
+    ) -> MoveState:
+        """Adds what some of the taxels meet to the contacts, so far within an outline [m].
 
-        Of each finger that is the middle of those that are pressed, by their forces.
+        Of each finger that is the middle of those that are pressed, by their forces; of a gripper
+        at X_WE, or where it is.
         """
+        X_WE = self._arm_state(context).X_WE if X_WE is None else X_WE
         forces = np.linalg.norm(state.forces[taxels], axis=1)
-        weights = np.where(forces > LOADED * state.tare.noise, forces, 0.0)
+        noise = state.tare.noise * np.sqrt(self._config.period / self._config.averaged)
+        weights = np.where(forces > LOADED * noise, forces, 0.0)
         measured = np.asarray(self._fingers.Eval(context))
-        X_WE = self._arm_state(context).X_WE
         p_WT = X_WE[:3, 3] + self._layout.p_ET(measured)[taxels] @ X_WE[:3, :3].T
         contacts = [state.end.contacts]
         for finger in (0, 1):

@@ -115,9 +115,9 @@ class ActionEnd(Immutable):
         X_WE: Where the gripper let the object go (4, 4), by the measured joints; NaN if it held
             none.
         pushed: How far the object was pushed, [m]; zero if it was not.
-        contacts: Where fingers met objects (K, 3): x and y in W by the measured joints, and how
-            far within the object's outline that may be; infinite for what a finger came down on,
-            [m].
+        contacts: Where fingers met, at last, what has been at rest since (K, 3): x and y in W by
+            the measured joints, and how far within an outline that may be; infinite for what a
+            finger came down on, [m].
         seconds: How long it took, from the request to the gripper's return.
     """
 

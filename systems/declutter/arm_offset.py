@@ -5,7 +5,7 @@ to be. Over a table both errors together hardly differ from place to place: they
 displacement in the table's plane. What the arm meets while it works tells it.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -34,8 +34,9 @@ _LEAST_DEPTH = 1e-3  # What is met at an outline is met within so much of it, [m
 class ArmOffsetConfig:
     """How well an outline tells where an object begins."""
 
-    # Of an outline; the standard deviation.
-    outline: float = number(0.004, above=0.0, at_most=0.1, unit="m")
+    # Of an outline, also because a finger meets an object below its widest place; the standard
+    # deviation.
+    outline: float = number(0.006, above=0.0, at_most=0.1, unit="m")
     # Share of contacts that say nothing: what was met had moved, or was something unseen.
     wrong: float = number(0.1, above=0.0, below=1.0)
 
@@ -58,14 +59,14 @@ def beyond_outlines(points: Array, scene: Segments) -> Array:
 def likelihood(contact: Array, offsets: Array, scene: Segments, config: ArmOffsetConfig) -> Array:
     """Of one contact, for offsets (N, 2) [m], up to a factor (N,).
 
-    A contact is anywhere between the outline and so far within it: where a push was felt late, the
-    object had gone with the finger; where a finger came down on something, it may be anywhere on
-    it. With the outline's error that is a difference of two normal distributions.
+    A contact is anywhere between the outline and so far within it: where a finger came down on
+    something, it may be anywhere on it. With the outline's error that is a difference of two normal
+    distributions.
 
     Args:
         contact: x and y of its place and how far within the outline it may be (3,), [m].
         offsets: Of the arm.
-        scene: What was seen before.
+        scene: What was seen afterwards, when what was met had come to rest.
         config: Of the outlines.
     """
     beyond = beyond_outlines(contact[:2] - offsets, scene) / config.outline
@@ -99,18 +100,23 @@ def as_met(request: ActionRequest, offset: Array) -> ActionRequest:
 
 @dataclass(frozen=True, kw_only=True)
 class _Belief:
-    """Density (N,) over the grid, and of which action the contacts were counted last."""
+    """Density (N,) over the grid, and of which action and image the contacts were counted last."""
 
     density: Array
-    number: int = 0
-    offset: ArmOffset = field(default=NO_OFFSET)
+    action: int = 0
+    image: int = 0
+    offset: ArmOffset = NO_OFFSET
 
 
 class ArmOffsetFilter(RecursiveFilter):
     """Learns the offset from what the arm meets: a Bayes filter on a grid of offsets.
 
+    Contacts are compared with the image after them, in which what was put down or pushed stands
+    there, and often by itself.
+
     Input ports:
-    - `segments`: `Segments` of the last image; places in W as the camera has them, [m].
+    - `segments`: `Segments` of the last image, whose number tells that it is new; places in W as
+      the camera has them, [m].
     - `action_end`: how the last action ended, with `number` and `contacts` (K, 3): x and y of the
       place in W as the arm has it, and how far within an outline it may be, [m].
 
@@ -143,27 +149,29 @@ class ArmOffsetFilter(RecursiveFilter):
         density = np.exp(-0.5 * np.square(deviations).sum(axis=1))
         self._segments = self._declare_value_input("segments", NO_SEGMENTS)
         self._end = self._declare_value_input("action_end", object())
-        self._declare_recursion(self._belief(density, 0), self._calc, period)
+        self._declare_recursion(self._belief(density), self._calc, period)
         self._declare_latest("arm_offset", lambda belief: belief.offset)
 
     def _calc(self, context: Context, belief: Any) -> _Belief:
         before: _Belief = belief
-        end = self._read(self._end, context)
-        if end.number == before.number:
+        end, scene = self._read(self._end, context), self._read(self._segments, context)
+        if scene.number == before.image:
             return before
-        scene: Segments = self._read(self._segments, context)
+        if end.number == before.action:
+            return replace(before, image=scene.number)
         density = before.density
         for contact in end.contacts:
             density = density * likelihood(contact, self._offsets, scene, self._config)
-        return self._belief(density, end.number)
+        return self._belief(density, end.number, scene.number)
 
-    def _belief(self, density: Array, number: int) -> _Belief:
+    def _belief(self, density: Array, action: int = 0, image: int = 0) -> _Belief:
         density = density / density.sum()
         mean = density @ self._offsets
         away = self._offsets - mean
         covariance = (density[:, None] * away).T @ away
         return _Belief(
             density=density,
-            number=number,
+            action=action,
+            image=image,
             offset=ArmOffset(mean=mean, covariance=covariance),
         )

@@ -54,10 +54,10 @@ def upright(X_WO: RigidTransform) -> float:
 @pytest.mark.parametrize(
     ("wanted", "grip", "outcome", "moved", "met"),
     [
-        (GRASP, GripConfig(), "placed", (0.08, -0.1), SIDES),
-        (PUSH, GripConfig(), "pushed", (0.1, 0.0), SIDES[1:]),
+        (GRASP, GripConfig(), "placed", (0.08, -0.1), SIDES + np.array([0.08, -0.1])),
+        (PUSH, GripConfig(), "pushed", (0.1, 0.0), SIDES[1:] + np.array([0.1, 0.0])),
         # Twice 2 N at a friction of .53 do not bear its 3.4 N, and it is not held more tightly.
-        (GRASP, GripConfig(force=2.0, load=2.0), "slipped", (0.0, 0.0), SIDES),
+        (GRASP, GripConfig(force=2.0, load=2.0), "slipped", (0.0, 0.0), SIDES[:0]),
     ],
     ids=["grasp", "push", "slip"],
 )
@@ -75,7 +75,7 @@ def test_a_can_is_moved_upright_and_a_box_beside_it_is_not(
     motion = (scene.pose("can").translation() - CAN.translation())[:2]
     assert motion == pytest.approx(moved, abs=4e-3)
     assert_allclose(end.contacts[:, :2], met, atol=3e-3)
-    assert (end.contacts[:, 2] < 2e-3).all()
+    assert (end.contacts[:, 2] == 0.0).all()
     assert upright(scene.pose("can")) < 1.0
     box = scene.pose("black_box").translation() - BOX.translation()
     assert np.linalg.norm(box) < 1e-3

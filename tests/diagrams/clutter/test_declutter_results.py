@@ -182,9 +182,7 @@ def test_what_the_arm_has_learned_of_its_offset_is_compared_with_the_truth(
     learned = ArmOffset(mean=true + np.array([0.003, 0.0]), covariance=4e-6 * np.eye(2))
     for tick in record.station:
         tick.values["object_masks"] = replace(NO_MASKS, number=1, X_WC=view)
-        tick.values["arm_offset"] = ArmOffset(
-            mean=true + np.array([0.003, 0.0]), covariance=4e-6 * np.eye(2)
-        )
+        tick.values["arm_offset"] = learned
     found = declutter_summary(replace(record, calibration=calibration))["arm_offset"]
     assert found["error_before"] == pytest.approx(np.linalg.norm(true))
     assert found["error"] == pytest.approx(0.003)

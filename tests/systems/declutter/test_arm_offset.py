@@ -1,6 +1,6 @@
 """Where an arm meets things beside where they are seen: closed forms, statistics, ports."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
@@ -29,7 +29,7 @@ from crossmodal.systems.port_values import (
 from tests.documented_ports import documented_ports
 from tests.systems.declutter.scenes import image, rectangle
 
-CONFIG = ArmOffsetConfig()
+CONFIG = ArmOffsetConfig(outline=0.004)
 PRIOR = np.array([[4e-5, 1e-5], [1e-5, 3e-5]])
 SCENE = image(rectangle(0, "can", (0.0, 0.0), (0.06, 0.04)), rectangle(1, "oil", (0.2, 0.1)))
 
@@ -47,7 +47,11 @@ def offset() -> ArmOffsetFilter:
     return ArmOffsetFilter(PRIOR, CONFIG, 0.1)
 
 
-def tick(offset: ArmOffsetFilter, context: Context, end: End, scene: Segments = SCENE) -> ArmOffset:
+def tick(
+    offset: ArmOffsetFilter, context: Context, end: End, image_number: int | None = None
+) -> ArmOffset:
+    """After an action and an image that came after it."""
+    scene = replace(SCENE, number=end.number + 1 if image_number is None else image_number)
     offset.GetInputPort("segments").FixValue(context, AbstractValue.Make(scene))
     offset.GetInputPort("action_end").FixValue(context, Value[object](end))
     offset.ExecuteForcedEvents(context)
@@ -100,8 +104,17 @@ def test_an_action_is_counted_once(offset: ArmOffsetFilter) -> None:
     context = offset.CreateDefaultContext()
     end = End(1, np.array([[0.035, 0.0, 0.0]]))
     first = tick(offset, context, end)
-    assert_allclose(tick(offset, context, end).mean, first.mean)
-    assert tick(offset, context, End(2, end.contacts)).mean[0] > first.mean[0]
+    for image_number in (2, 3):
+        assert_allclose(tick(offset, context, end, image_number).mean, first.mean)
+    assert tick(offset, context, End(2, end.contacts), 4).mean[0] > first.mean[0]
+
+
+def test_what_was_met_is_compared_with_the_image_after_it(offset: ArmOffsetFilter) -> None:
+    context = offset.CreateDefaultContext()
+    tick(offset, context, End(0), 1)
+    end = End(1, np.array([[0.035, 0.0, 0.0]]))
+    assert_allclose(tick(offset, context, end, 1).mean, 0.0, atol=1e-12)
+    assert tick(offset, context, end, 2).mean[0] > 1e-3
 
 
 def test_a_contact_far_from_everything_says_nothing(offset: ArmOffsetFilter) -> None:

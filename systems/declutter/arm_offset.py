@@ -38,7 +38,7 @@ class ArmOffsetConfig:
     # deviation.
     outline: float = number(0.006, above=0.0, at_most=0.1, unit="m")
     # Share of contacts that say nothing: what was met had moved, or was something unseen.
-    wrong: float = number(0.1, above=0.0, below=1.0)
+    wrong: float = number(0.2, above=0.0, below=1.0)
 
 
 def beyond_outlines(points: Array, scene: Segments) -> Array:

@@ -29,7 +29,7 @@ from crossmodal.systems.port_values import (
 from tests.documented_ports import documented_ports
 from tests.systems.declutter.scenes import image, rectangle
 
-CONFIG = ArmOffsetConfig(outline=0.004)
+CONFIG = ArmOffsetConfig(outline=0.004, wrong=0.1)
 PRIOR = np.array([[4e-5, 1e-5], [1e-5, 3e-5]])
 SCENE = image(rectangle(0, "can", (0.0, 0.0), (0.06, 0.04)), rectangle(1, "oil", (0.2, 0.1)))
 

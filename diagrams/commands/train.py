@@ -95,7 +95,9 @@ def train_segmentation_command(
 
 def train_grasp_command(
     seed: Annotated[int, _SEED] = 0,
-    jobs: Annotated[int, typer.Option(min=1, help="Cores.")] = 1,
+    jobs: Annotated[
+        int, typer.Option(min=1, help="Cores that are free; with more, training waits.")
+    ] = 1,
     files: Annotated[int, typer.Option(min=8, help="Files of data, of 25 scenes each.")] = 48,
     epochs: Annotated[int, typer.Option(min=1, help="How often each view is learned from.")] = 15,
     data: Annotated[

@@ -12,6 +12,7 @@ EXAMPLES = "Example:  crossmodal train hand-bending --jobs 2 --out runs/weights"
 SEGMENTATION_EXAMPLES = "Example:  crossmodal train segmentation --jobs 2 --out runs/weights"
 GRASP_EXAMPLES = "Example:  crossmodal train grasp --jobs 2 --out runs/weights"
 
+_JOBS = typer.Option(min=1, help="Cores that are free; with more, training mostly waits.")
 _SEED = typer.Option(min=0, help="Of data and weights.")
 _OUT = typer.Option(help="Folder of weights and card. [default: models/weights]")
 _FORCE = typer.Option("--force", help="Replace the weights and the card that are there.")
@@ -48,9 +49,11 @@ def train_hand_bending_command(
 
 def train_segmentation_command(
     seed: Annotated[int, _SEED] = 0,
-    jobs: Annotated[int, typer.Option(min=1, help="Scenes rendered at a time.")] = 1,
-    scenes: Annotated[int, typer.Option(min=40, help="Scenes, of six images each.")] = 400,
-    epochs: Annotated[int, typer.Option(min=1, help="How often each image is learned from.")] = 14,
+    jobs: Annotated[int, _JOBS] = 1,
+    scenes: Annotated[
+        int, typer.Option(min=40, help="Scenes, of six images each, or 18 of dense clutter.")
+    ] = 320,
+    epochs: Annotated[int, typer.Option(min=1, help="How often each image is learned from.")] = 24,
     data: Annotated[
         Path, typer.Option(help="Folder of the images and of how far it got: it goes on there.")
     ] = Path("runs/segmentation"),
@@ -95,9 +98,7 @@ def train_segmentation_command(
 
 def train_grasp_command(
     seed: Annotated[int, _SEED] = 0,
-    jobs: Annotated[
-        int, typer.Option(min=1, help="Cores that are free; with more, training waits.")
-    ] = 1,
+    jobs: Annotated[int, _JOBS] = 1,
     files: Annotated[int, typer.Option(min=8, help="Files of data, of 25 scenes each.")] = 48,
     epochs: Annotated[int, typer.Option(min=1, help="How often each view is learned from.")] = 15,
     data: Annotated[

@@ -19,6 +19,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+import shapely
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
 
@@ -41,6 +42,8 @@ TARGET_FREE = "target is free"
 NOTHING_LEFT = "nothing that is in the way can be moved"
 
 _ALIKE = 0.5  # IoU of two outlines of one object.
+_GAP = 0.005  # Half the largest distance between objects of one heap, [m].
+_HIDDEN = 0.02  # Radius and height of what stands for a target that was never seen, [m].
 _DIGITS = 9  # Weights that agree so far are alike: rounding errors decide nothing.
 
 
@@ -144,6 +147,7 @@ def declutter_graph(
         tries: What has failed.
         config: Of the graph and of pushes.
         remembered: The target as it was seen before; where it is not seen now, it is there still.
+            Where it was never seen, it is thought to be beneath the largest heap.
 
     Raises:
         ValueError: where two objects have the same number.
@@ -153,12 +157,16 @@ def declutter_graph(
     if root is None and remembered is not None:
         root = _in_place_of(remembered, shown)
         shown = shown if root in shown else (*shown, root)
+    is_guess = root is None
+    if root is None:
+        if not shown:
+            return DeclutterGraph(number=scene.number, why=NO_TARGET)
+        root = _beneath(shown, target)
+        shown = (*shown, root)
     segments = sorted(shown, key=lambda segment: segment.number)
     numbers = [segment.number for segment in segments]
     if len(set(numbers)) < len(numbers):
         raise ValueError(f"two objects have the same number: {numbers}")
-    if root is None:
-        return DeclutterGraph(number=scene.number, apart=tuple(segments), why=NO_TARGET)
     at = numbers.index(root.number)
     weights = edge_weights(segments, at, config)
     tree = spanning_tree(weights, at)
@@ -177,7 +185,8 @@ def declutter_graph(
         number=scene.number,
         vertices=tuple(vertices.values()),
         apart=tuple(segment for i, segment in enumerate(segments) if i not in tree),
-        why=TARGET_FREE if len(tree) == 1 else NOTHING_LEFT,
+        is_guess=is_guess,
+        why=NO_TARGET if is_guess else TARGET_FREE if len(tree) == 1 else NOTHING_LEFT,
     )
     staying = set[int]()
     while leaves := graph.leaves(staying):
@@ -210,6 +219,14 @@ def _in_place_of(remembered: Segment, shown: Sequence[Segment]) -> Segment:
 
     nearest = max(shown, key=alike, default=remembered)
     return nearest if alike(nearest) > _ALIKE else remembered
+
+
+def _beneath(shown: Sequence[Segment], target: str) -> Segment:
+    """Where a target that was never seen is thought to be: in the middle of the largest heap."""
+    heaps = shapely.union_all([segment.contour.buffer(_GAP) for segment in shown])
+    middle = max(shapely.get_parts(heaps), key=shapely.area).centroid
+    number = max(segment.number for segment in shown) + 1
+    return Segment(number=number, name=target, contour=middle.buffer(_HIDDEN), top=_HIDDEN)
 
 
 def _used_up(number: int, tries: Tries) -> str:

@@ -23,6 +23,7 @@ class DeclutterPlanner(RecursiveFilter):
     """Makes the declutter graph whenever a new image has been segmented.
 
     Once the target was seen, it is the root of all graphs to come: where it was, if it is hidden.
+    Before, the root is in the middle of the largest heap, where it may be.
 
     Input ports:
     - `segments`: `Segments`, all objects in the last image, whose number tells that it is new;
@@ -69,6 +70,7 @@ class DeclutterPlanner(RecursiveFilter):
             return before
         grasps = found or NO_GRASPS
         qualities = {number: grasps.best(number) for number in grasps.grasps}
-        remembered = before.vertices[0].segment if before.vertices else None
+        seen = before.vertices and not before.is_guess
+        remembered = before.vertices[0].segment if seen else None
         failed = tries or NO_TRIES
         return declutter_graph(scene, self._target, qualities, failed, self._config, remembered)

@@ -221,6 +221,8 @@ class DeclutterGraph(Immutable):
         number: Of the image that it was made from; zero: there is none yet.
         vertices: The root, then what hangs on it, then what hangs on that, and so on.
         apart: The objects that hang on nothing.
+        is_guess: Whether no image has shown the target yet, so that the root is only where it may
+            be.
         next: Number of the object to take away; -1 for none.
         pushes: How it may be pushed, where it is to be, the best one first.
         why: Why there is none, in words.
@@ -229,6 +231,7 @@ class DeclutterGraph(Immutable):
     number: int = 0
     vertices: tuple[DeclutterVertex, ...] = ()
     apart: tuple[Segment, ...] = ()
+    is_guess: bool = False
     next: int = -1
     pushes: tuple[Push, ...] = ()
     why: str = ""

@@ -51,13 +51,14 @@ def declutter_summary(record: EpisodeRecord) -> dict[str, Any]:
     """
     progress = _progress(record)
     graphs = _graphs(record)
-    targets = {graph.vertices[0].segment.number for graph in graphs if graph.vertices}
+    with_target = [graph for graph in graphs if graph.vertices and not graph.is_guess]
+    targets = {graph.vertices[0].segment.number for graph in with_target}
     density = record.station_values("cheat_clutter_density")
     return {
         "objects": object_names(record.scenario),
         "density": asdict(density[0]) if density else None,
         "actions": [_action(progress, graphs, k) for k in range(len(progress.steps))],
-        "in_the_way": next((len(g.vertices) - 1 for g in graphs if g.vertices), None),
+        "in_the_way": next((len(graph.vertices) - 1 for graph in with_target), None),
         "near_before": _truly_near(record, 0),
         "near_after": _truly_near(record, cleared_at(record) if progress.done else -1),
         "target_found": progress.found,

@@ -244,10 +244,26 @@ def test_of_two_targets_the_larger_one_is_the_root() -> None:
     assert graph_of(same, large, small).vertices[0].segment.number == 5
 
 
-def test_without_a_target_nothing_is_next() -> None:
-    graph = declutter_graph(image(*row(0.0, 0.05)), "spray", {}, NO_TRIES, CONFIG)
+def test_without_anything_nothing_is_next() -> None:
+    graph = declutter_graph(image(), "spray", {}, NO_TRIES, CONFIG)
     assert (graph.next, graph.why, graph.vertices) == (-1, NO_TARGET, ())
-    assert len(graph.apart) == 2
+
+
+def test_a_target_that_was_never_seen_is_thought_to_be_beneath_the_largest_heap() -> None:
+    heap = [rectangle(k, "can", (0.04 * k, 0.0), (0.05, 0.05)) for k in range(3)]
+    alone = rectangle(7, "oil", (0.5, 0.0), (0.08, 0.08))
+    graph = declutter_graph(image(*heap, alone), "spray", {}, NO_TRIES, CONFIG)
+    root = graph.vertices[0].segment
+    assert (root.number, root.name, graph.is_guess) == (8, "spray", True)
+    assert_allclose(root.centroid, [0.04, 0.0], atol=1e-9)
+    assert graph.next in (0, 1, 2)
+    assert [segment.number for segment in graph.apart] == [7]
+    tries = NO_TRIES
+    for number in range(3):
+        for _ in range(CONFIG.tries):
+            tries = tries.with_failure(number, DeclutterAction.PUSH, False)
+    graph = declutter_graph(image(*heap, alone), "spray", {}, tries, CONFIG)
+    assert (graph.next, graph.why) == (-1, NO_TARGET)
 
 
 def test_a_target_alone_is_free() -> None:

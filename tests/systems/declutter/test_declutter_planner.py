@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import Context, InputPortIndex, OutputPortIndex
 
 from crossmodal.systems.declutter.declutter_graph import (
-    NO_TARGET,
     NOTHING_LEFT,
     DeclutterConfig,
     declutter_graph,
@@ -133,9 +133,19 @@ def test_objects_are_taken_away_until_all_tries_are_used_up(
     assert graph.why == NOTHING_LEFT
 
 
-def test_without_a_target_in_view_it_says_so(planner: DeclutterPlanner, context: Context) -> None:
+def test_a_target_that_was_guessed_to_be_somewhere_is_not_remembered_there(
+    planner: DeclutterPlanner, context: Context
+) -> None:
     others: tuple[Segment, ...] = scene().segments[1:]
-    assert tick(planner, context, segments=image(*others)).why == NO_TARGET
+    first = tick(planner, context, segments=image(*others))
+    assert first.is_guess
+    assert first.vertices[0].segment.number == 3
+    moved = rectangle(1, "can", (0.5, 0.0), (0.1, 0.1))
+    second = tick(planner, context, segments=image(moved, number=2))
+    assert_allclose(second.vertices[0].segment.centroid, [0.5, 0.0], atol=1e-9)
+    third = tick(planner, context, segments=scene(3))
+    assert not third.is_guess
+    assert third.vertices[0].segment.number == 0
 
 
 def test_a_target_without_a_name_is_refused() -> None:

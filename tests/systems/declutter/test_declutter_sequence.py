@@ -312,6 +312,21 @@ def test_without_a_target_in_any_view_it_ends_and_says_so() -> None:
     assert robot.read("pose_guess") is NO_PRIOR
 
 
+class Buried(Robot):
+    """No image shows the target before the first action."""
+
+    def act(self, request: ActionRequest) -> None:
+        super().act(request)
+        self.hidden = {}
+
+
+def test_a_target_that_no_image_shows_is_dug_for() -> None:
+    objects = row("wineglass", "can")
+    robot = Buried(objects, graspable=(1,), hidden={0: (0,), 1: (0,)}).run()
+    assert [request.object for request in robot.requests] == [1]
+    assert (robot.progress.found, robot.progress.why) == (True, "")
+
+
 class Confused(Robot):
     """After the first action its images show something else in the target's place, or nothing."""
 

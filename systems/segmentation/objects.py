@@ -119,9 +119,9 @@ def seen_objects(
             mask = mask & ~(heights <= config.rise) | rises
         split = np.inf if name in TRANSPARENT else config.step  # Depth is of what is behind.
         parts = _single_objects(mask, scene, split)
+        # A speck that the network got wrong would make a near object as long as it may be.
+        parts = [part for part in parts if np.count_nonzero(part) >= scene.least]
         for one in _without_rests(parts, filled / focal, lengths.get(name, 0.0), config.rest):
-            if np.count_nonzero(one) < scene.least:
-                continue
             found.append(SeenObject(name="" if name == OTHER else name, mask=one))
     return _without_unknown_parts(found, config.rest)
 

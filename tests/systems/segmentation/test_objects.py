@@ -108,6 +108,13 @@ def test_a_small_part_belongs_to_a_large_one_if_both_fit_into_one_object() -> No
     assert names(far.objects(sponge=0.15)) == ["sponge", "sponge"]
 
 
+def test_a_speck_is_no_part_of_an_object_that_it_is_apart_from() -> None:
+    scene = Scene().add(CAN, np.s_[20:60], np.s_[20:60], 0.1)
+    scene.add(CAN, np.s_[100:106], np.s_[40:46], 0.02)
+    (found,) = scene.objects(can=1.0)
+    assert not found.mask[100:].any()
+
+
 def test_the_class_of_unknown_objects_has_no_name() -> None:
     assert names(Scene().add(OTHER, np.s_[20:60], np.s_[20:60], 0.1).objects()) == [""]
 

@@ -37,6 +37,7 @@ _DISTANCE = 0.7  # From which all of the table is looked at, [m].
 # Sides and heights of it, tried in this order, [deg].
 _ELEVATIONS, _AZIMUTHS = (80.0, 65.0, 50.0), (180.0, 150.0, -150.0, 120.0, -120.0, 90.0, -90.0)
 _PLACES = 3
+_JOINTS = 5e-4  # By which the zeros of an arm's joints displace its hand, [m].
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,7 +93,7 @@ def add_declutter_control(
     name = target_name(scenario)
     graph = add("declutter_planner", DeclutterPlanner(name, scenario.declutter, period))
     places = _places(arms, table)
-    prior = _offset_covariance(wiring.calibration, places[0], table.X_WB[:3, 3])
+    prior = offset_covariance(wiring.calibration, places[0], table.X_WB[:3, 3])
     offset = add("arm_offset", ArmOffsetFilter(prior, perception.arm_offset, period))
     sequence = add(
         "declutter_sequence",
@@ -200,7 +201,7 @@ def _table_box(region: shapely.Polygon, height: float) -> ViewRequest:
     return ViewRequest(box_edges=np.array([right - x, up - y, _HIGHEST]), X_WB=X_WB)
 
 
-def _offset_covariance(calibration: Calibration, X_WC: Array, p: Array) -> Array:
+def offset_covariance(calibration: Calibration, X_WC: Array, p: Array) -> Array:
     """Of a place as the touching arm has it from where the camera sees it (2, 2), [m^2].
 
     Args:
@@ -210,14 +211,14 @@ def _offset_covariance(calibration: Calibration, X_WC: Array, p: Array) -> Array
     """
     (camera,), arm = calibration.cameras.values(), calibration.arms[TOUCH_ARM]
     at = np.hstack([-se3.skew(p), np.eye(3)])  # How a twist in W displaces it.
-    moves = [
-        (at @ se3.adjoint(X), covariance)
-        for X, covariance in (
-            (X_WC, camera.pose_covariance),
-            (arm.X_WBase.GetAsMatrix4(), arm.covariance),
-        )
-    ]
-    return np.asarray(sum(J @ covariance @ J.T for J, covariance in moves))[:2, :2]
+    found = _JOINTS**2 * np.eye(3)
+    for X, covariance in (
+        (X_WC, camera.pose_covariance),
+        (arm.X_WBase.GetAsMatrix4(), arm.covariance),
+    ):
+        J = at @ se3.adjoint(X)
+        found = found + J @ covariance @ J.T
+    return found[:2, :2]
 
 
 def _places(arms: BelievedArms, table: ViewRequest) -> list[Array]:

@@ -11,7 +11,9 @@ from crossmodal.models.gripper_taxels import TRAVEL, gripper_taxels
 
 # Into the object along the opening, the left finger's and the right one's; E's x is the left one's.
 _SIGNS = np.array([1.0, -1.0])
-_FINGER = gripper_taxels().finger  # Of each taxel.
+_LAYOUT = gripper_taxels()
+# Towards the other finger (140,): those at the ends, which may stand on a table, are no part of it.
+INWARDS = np.where(_LAYOUT.n_E[:, 0] * _SIGNS[_LAYOUT.finger] < -0.5, _SIGNS[_LAYOUT.finger], 0.0)
 _GAIN = 0.1  # Share of the error of the force that is corrected by a decision.
 LOADED = 5.0  # Standard deviations of its noise: a taxel that is pressed.
 
@@ -35,13 +37,13 @@ class FingerForces(Immutable):
 
 
 def finger_forces(forces: Array, noise: float) -> FingerForces:
-    """Sums over the taxels that are pressed from between the fingers.
+    """Sums over the taxels between the fingers that are pressed.
 
     Args:
         forces: On the 140 taxels (140, 3), in E, [N].
         noise: Standard deviation of a component of these, [N].
     """
-    inwards = _SIGNS[_FINGER] * forces[:, 0]
+    inwards = INWARDS * forces[:, 0]
     pressed = inwards > LOADED * noise
     normal = np.where(pressed, inwards, 0.0).reshape(2, -1).sum(axis=1)
     return FingerForces(normal=normal, shear=forces[pressed, 1:].sum(axis=0))

@@ -13,7 +13,13 @@ from crossmodal.controllers.arm.kinematics import ArmModel
 from crossmodal.controllers.arm.motion_planner import MotionPlanner
 from crossmodal.controllers.primitives.action_plan import ActionPlan, ActionPlanner, Leg
 from crossmodal.controllers.primitives.arm_task import ArmTask
-from crossmodal.controllers.primitives.grip import LOADED, FingerForces, Grip, finger_forces
+from crossmodal.controllers.primitives.grip import (
+    INWARDS,
+    LOADED,
+    FingerForces,
+    Grip,
+    finger_forces,
+)
 from crossmodal.controllers.primitives.move_object_config import (
     ActionEnd,
     ActionOutcome,
@@ -140,7 +146,7 @@ class MoveObject(ArmTask):
         # What a finger pushes with: what lies farther from the middle than its core.
         outside = np.abs(layout.p_FS[:, 0]) > 0.5 * THICKNESS
         self._faces = [outside & (layout.finger == finger) for finger in (0, 1)]
-        self._inside = np.flatnonzero(np.abs(layout.p_FS[:, 0]) < 0.5 * THICKNESS)
+        self._inside = np.flatnonzero(INWARDS)
         self._tips = tip_taxels()
         self._request = self.DeclareAbstractInputPort("action_request", Value[object]())
         self._taxels = self.DeclareVectorInputPort("taxel_measured", 3 * taxels)

@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose
 from crossmodal.controllers.primitives.grip import FingerForces, Grip, finger_forces
 from crossmodal.controllers.primitives.move_object_config import GripConfig
 from crossmodal.maths.arrays import Array
-from crossmodal.models.gripper_taxels import gripper_taxels
+from crossmodal.models.gripper_taxels import gripper_taxels, tip_taxels
 
 CONFIG, PERIOD = GripConfig(), 0.005
 OPEN = np.full(2, 0.05)
@@ -90,6 +90,8 @@ def test_forces_are_those_from_between_the_fingers() -> None:
     inner = np.flatnonzero((layout.n_F[:, 0] == -1.0) & (layout.finger == 0))[:4]
     forces[inner] = [1.0, 0.0, 0.25]
     forces[np.flatnonzero((layout.n_F[:, 0] == 1.0) & (layout.finger == 0))[0]] = [-3.0, 1.0, 0.0]
+    # The table presses the fingers' ends, which rub on it.
+    forces[tip_taxels()] = [0.5, 0.0, -1.0]
     found = finger_forces(forces, noise=0.01)
     assert_allclose(found.normal, [4.0, 0.0])
     assert_allclose(found.shear, [0.0, 1.0])

@@ -12,7 +12,8 @@ from crossmodal.models.gripper_taxels import TRAVEL, gripper_taxels
 # Into the object along the opening, the left finger's and the right one's; E's x is the left one's.
 _SIGNS = np.array([1.0, -1.0])
 _LAYOUT = gripper_taxels()
-# Towards the other finger (140,): those at the ends, which may stand on a table, are no part of it.
+# Towards the other finger, for taxels between the fingers (140,); zero for all others: those at the
+# ends may stand on a table.
 INWARDS = np.where(_LAYOUT.n_E[:, 0] * _SIGNS[_LAYOUT.finger] < -0.5, _SIGNS[_LAYOUT.finger], 0.0)
 _GAIN = 0.1  # Share of the error of the force that is corrected by a decision.
 LOADED = 5.0  # Standard deviations of its noise: a taxel that is pressed.

@@ -369,7 +369,7 @@ class MoveObject(ArmTask):
         if not outcome:
             return state
         if outcome is ActionOutcome.PUSHED:
-            # To where the arm is commanded the object is pushed before the arm rests.
+            # The arm still gets to where it is commanded to be, and the object with it.
             X_WE = self._arm.Evaluate(np.append(q, np.zeros_like(q))).X_WE
             state = self._met(context, state, np.flatnonzero(face), 0.0, X_WE)
         state = replace(state, end=replace(state.end, pushed=pushed))

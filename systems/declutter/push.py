@@ -291,7 +291,7 @@ def _met(segment: Segment, others: Sequence[Segment], motion: Array) -> int:
 
 
 def _contours(segments: Sequence[Segment]) -> Array:
-    """Of objects (N,), prepared, so that what meets them is found several times as fast."""
+    """Of objects (N,), prepared to be compared with many other shapes."""
     contours = np.array([segment.contour for segment in segments], object)
     shapely.prepare(contours)
     return contours

@@ -291,7 +291,7 @@ class ActionRequest(Immutable):
 class ArmOffset(Immutable):
     """By how much an arm meets objects beside where a camera sees them, in x and y of W.
 
-    What the camera sees at p the arm meets at p + mean, give or take.
+    What the camera sees at p the arm meets at p + mean, with this covariance.
 
     Attributes:
         mean: (2,), [m].

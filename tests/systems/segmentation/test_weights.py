@@ -49,7 +49,7 @@ def sample(name: str) -> tuple[View, Ids]:
 
 
 # As it was when the weights were made; other processors round differently.
-@pytest.mark.parametrize(("name", "score"), [("dense", 0.70), ("dropped", 0.92)])
+@pytest.mark.parametrize(("name", "score"), [("dense", 0.78), ("dropped", 0.92)])
 def test_the_mean_iou_of_what_is_shown_is_what_it_was(name: str, score: float) -> None:
     view, labels = sample(name)
     x = network_input(view.colour, view.depth, None, view.intrinsics, view.X_WC, view.table)

@@ -89,6 +89,7 @@ class MotionPlanner:
             env_collision_padding=self._config.clearance,
             implicit_context_parallelism=Parallelism(1),
         )
+        self._hand = [body for hand in instances[1:] for body in plant.GetBodyIndices(hand)]
         for hand in instances[1:]:  # Its parts may touch each other: the fingers of a closed hand.
             for a, b in combinations(plant.GetBodyIndices(hand), 2):
                 if not self._checker.IsCollisionFilteredBetween(a, b):
@@ -100,6 +101,7 @@ class MotionPlanner:
         others: Mapping[str, Array],
         obstacles: Sequence[Array] = (),
         clearance: float | None = None,
+        hand: bool = True,
     ) -> None:
         """Takes over how other models stand, and what else is in the way.
 
@@ -107,9 +109,13 @@ class MotionPlanner:
             others: Joint positions by the names of their models.
             obstacles: Vertices (N, 3) in W of each convex body, [m]; see `box_vertices`.
             clearance: Least distance from all that, instead of the configured one, [m].
+            hand: Whether the hand, too, keeps away from them and from the world. Where not, whoever
+                chose its way has checked it.
         """
         padding = self._config.clearance if clearance is None else clearance
         self._checker.SetPaddingAllRobotEnvironmentPairs(padding)
+        for body in self._hand:
+            self._checker.SetCollisionFilteredBetween(body, self._world.index(), not hand)
         for name, q in others.items():
             self._plant.SetPositionsInArray(self._plant.GetModelInstanceByName(name), q, self._q)
         self._checker.RemoveAllAddedCollisionShapes(_OBSTACLE)

@@ -151,10 +151,11 @@ class ActionPlanner:
                     RotationMatrix.MakeZRotation(turn), np.zeros(3)
                 )
                 X = X_WE.GetAsMatrix4()
-                self._look(request, others, opening)
+                self._look(request, others, opening, hand=False)
                 spare = self._top(request, X) - X[2, 3] - self._config.grasped
                 for down, short in self._ways_down(request, X_WE, guesses, max(spare, 0.0)):
-                    carried = self._carried(request, down[-1], X_WE.translation())
+                    carried = self._carried(request, down[-1], X_WE.translation(), opening, others)
+                    self._look(request, others, opening, hand=False)
                     if carried is None:
                         continue
                     legs = (
@@ -171,7 +172,9 @@ class ActionPlanner:
                     yield ActionPlan(legs=legs, opening=opening, X_WE=X, spare=spare - short), x, y
                     break
 
-    def _carried(self, request: Any, q: Array, p_WE: Array) -> tuple[Leg, ...] | None:
+    def _carried(
+        self, request: Any, q: Array, p_WE: Array, opening: float, others: dict[str, Array]
+    ) -> tuple[Leg, ...] | None:
         """Up, level and down again, to the first place where that is possible.
 
         Where it is not, it is not beside it either.
@@ -183,7 +186,9 @@ class ActionPlanner:
                 continue
             failed.append(place)
             height = max(config.lift, passed + config.above)
+            self._look(request, others, opening, hand=False)
             lift = self._planner.line(q, _UP, height)
+            self._look(request, others, opening)
             if self._planner.length(lift) < height - _SHORT:
                 continue
             way = np.append(place - p_WE[:2], 0.0)
@@ -214,8 +219,8 @@ class ActionPlanner:
             along = np.append(push.direction, 0.0)
             across = np.cross(_UP, along)
             c = push.finger.centroid
-            self._look(request, others, 0.0)
             for sign in (1.0, -1.0):  # Either finger may be in front; z is down.
+                self._look(request, others, 0.0, hand=False)
                 R_WE = RotationMatrix(np.column_stack([sign * along, -sign * across, -_UP]))
                 X_WE = RigidTransform(R_WE, [c.x, c.y, push.height])
                 for down, _ in self._ways_down(request, X_WE, guesses):
@@ -269,12 +274,18 @@ class ActionPlanner:
         others: dict[str, Array],
         opening: float,
         around: Sequence[Array] = (),
+        hand: bool = True,
     ) -> None:
-        """What is in the way: with the object around, on the way to it, and near it without."""
+        """What is in the way: with the object around, on the way to it, and near it without.
+
+        Where whoever chose the grasp or the push has seen to it that the hand is free, it is the
+        arm's way alone.
+        """
         self._planner.look_at(
             {**others, self._gripper: np.full(2, opening)},
             [*request.obstacles, *around],
             None if around else self._config.near,
+            hand,
         )
 
 

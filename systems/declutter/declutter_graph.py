@@ -136,9 +136,9 @@ def declutter_graph(
 ) -> DeclutterGraph:
     """The graph of a scene, and what to take away next.
 
-    That is the leaf of the highest incoming weight on which an action may still be tried and is
-    possible, and among equal ones that of the lowest number. A leaf without such an action stays
-    where it is, and what it hangs on counts as a leaf.
+    That is a leaf on which an action may still be tried and is possible: one on which nothing lies
+    before others, then that of the highest incoming weight, and among equal ones that of the lowest
+    number. A leaf without such an action stays where it is, and what it hangs on counts as a leaf.
 
     Args:
         scene: All objects.
@@ -188,9 +188,12 @@ def declutter_graph(
         is_guess=is_guess,
         why=NO_TARGET if is_guess else TARGET_FREE if len(tree) == 1 else NOTHING_LEFT,
     )
+    beneath = {s.number for s in segments if _lies_beneath(s, segments, config)}
     staying = set[int]()
     while leaves := graph.leaves(staying):
-        leaf = max(leaves, key=lambda leaf: (leaf.weight, -leaf.segment.number))
+        leaf = max(
+            leaves, key=lambda v: (v.segment.number not in beneath, v.weight, -v.segment.number)
+        )
         n, why = leaf.segment.number, leaf.why
         others = [segment for segment in segments if segment.number != n]
         for action in left[n]:
@@ -227,6 +230,16 @@ def _beneath(shown: Sequence[Segment], target: str) -> Segment:
     middle = max(shapely.get_parts(heaps), key=shapely.area).centroid
     number = max(segment.number for segment in shown) + 1
     return Segment(number=number, name=target, contour=middle.buffer(_HIDDEN), top=_HIDDEN)
+
+
+def _lies_beneath(segment: Segment, others: Sequence[Segment], config: DeclutterConfig) -> bool:
+    """Whether one of them is higher and over it; of glass it is not known how high it is."""
+    return any(
+        other.top > segment.top
+        and not other.is_glass
+        and intersection_over_union(segment.contour, other.contour) > config.overlap
+        for other in others
+    )
 
 
 def _used_up(number: int, tries: Tries) -> str:

@@ -3,8 +3,9 @@
 A push is straight and quasi-static. All places are in W's x and y, see `port_values.declutter`.
 Source: section II-B.1 of the paper on active visuo-tactile perception in clutter. Beyond it, the
 push leaves the target alone, is low enough and as long as it takes. The paper's finger is a box of
-pixels that overlaps others as little as possible; ours is one of metres with a palm above it, and
-neither meets another object on the way.
+pixels that overlaps others as little as possible; ours is one of metres with a palm above it, which
+comes down where it is free. On their way finger and object may meet others, as few as possible,
+that go along and leave the target alone, too.
 """
 
 from collections.abc import Sequence
@@ -14,10 +15,10 @@ import numpy as np
 import shapely
 from shapely.affinity import translate
 
-from crossmodal.maths.arrays import Array
+from crossmodal.maths.arrays import Array, Mask
 from crossmodal.maths.validation import number
 from crossmodal.models.gripper_taxels import ARRAYS, PALM, PALM_ABOVE, gripper_taxels
-from crossmodal.systems.declutter.segments import inner_part
+from crossmodal.systems.declutter.segments import INNER
 from crossmodal.systems.port_values import Push, Segment
 
 SWEEPS = "sweeps the target"
@@ -26,10 +27,12 @@ MEETS = "meets something else"
 
 _LENGTH = 1e-6  # Lengths that differ by less are alike, [m];
 _AREA = 1e-6  # so are areas, [m^2].
-_STEP = 0.002  # Of the instants of a motion at which an overlap is looked at, [m].
+_STEP = 0.01  # Between instants of a motion that are looked at, [m].
 _LONGER = 0.02  # Between lengths that are tried, [m].
 _TURN = 10.0  # Between directions that are tried, [deg].
-_ASIDE = 0.0025  # Between places of the finger that are tried, [m].
+_ASIDE = 0.005  # Between places of the finger that are tried, [m].
+_BESIDE = 0.01  # Likewise of those beside which the centroid passes, [m].
+_TURNED = 0.5 * np.pi  # Farther nothing is turned: the finger has gone by.
 # Middle of the outer taxels above the fingers' ends, [m].
 _LAYOUT = gripper_taxels()
 _TAXELS = -float(_LAYOUT.p_FS[_LAYOUT.array == ARRAYS.index("left_outer"), 2].mean())
@@ -50,9 +53,6 @@ class PushConfig:
     longest: float = number(0.2, above=0.0, at_most=1.0, unit="m")
     # Distance from the target to which it takes the object: beyond mu_d by more than outlines err.
     clear: float = number(0.12, at_least=0.0, at_most=1.0, unit="m")
-    # Farthest place of the finger beside the line through the centroid; 15 mm turn an object by
-    # 64 degrees within 10 cm, 5 mm hardly do.
-    aside: float = number(0.005, at_least=0.0, at_most=0.1, unit="m")
     # Least distance of the finger and of the object from the target, throughout the push.
     clearance: float = number(0.005, at_least=0.0, at_most=0.1, unit="m")
     # From the direction away from the clutter, to both sides; beyond 90 it is into the clutter.
@@ -140,7 +140,7 @@ def finger_places(
     frame = _frame(direction)
     own = shapely.transform(segment.contour, lambda p: (p - segment.centroid) @ frame.T)
     back, _, front, _ = own.bounds
-    ends = [[[back, offset], [front, offset]] for offset in offsets]
+    ends = np.array([[[back, offset], [front, offset]] for offset in offsets]).reshape(-1, 2, 2)
     hindmost = shapely.bounds(shapely.intersection(own, shapely.linestrings(ends)))[:, 0]
     offsets, hindmost = (of[np.isfinite(hindmost)] for of in (offsets, hindmost))
     right, left = offsets - 0.5 * config.width, offsets + 0.5 * config.width
@@ -163,27 +163,58 @@ def rectangles(segment: Segment, direction: Array, edges: Array) -> Array:
     return np.asarray(shapely.polygons(segment.centroid + corners @ _frame(direction)))
 
 
-def swept(shape: shapely.Geometry, motion: Array) -> shapely.Geometry:
-    """The hull of what a shape passes in a straight motion (2,), [m]."""
-    corners = shapely.get_coordinates(shape)
-    return shapely.multipoints(np.concatenate([corners, corners + motion])).convex_hull
+def lever(offset: float, width: float) -> float:
+    """Of a push beside the centroid [m]: zero as long as that is behind the finger's flat face.
 
-
-def spares(segment: Segment, target: Segment, motion: Array, clearance: float) -> bool:
-    """Whether an object that moves straight by `motion` (2,), [m], leaves the target alone.
-
-    Its hull keeps the clearance [m], and where it is closer from the start it comes no closer.
-    Where it touches the target or lies over a part of it, it never lies over a larger part.
+    Args:
+        offset: Of the finger's middle to the left of the line through the centroid, [m].
+        width: Of the finger, [m].
     """
-    before = segment.contour.convex_hull
-    gap = before.distance(target.contour)
-    if gap > _LENGTH:
-        return bool(swept(before, motion).distance(target.contour) > min(clearance, gap) - _LENGTH)
-    shares = np.linspace(0.0, 1.0, 1 + int(np.ceil(np.linalg.norm(motion) / _STEP)))
-    corners = shapely.get_coordinates(before)
-    moved = shapely.polygons(corners + shares[:, None, None] * motion)
-    over = shapely.area(shapely.intersection(target.contour, moved))
-    return bool(over.max() <= over[0] + _AREA)
+    return float(np.sign(offset) * max(abs(offset) - 0.5 * width, 0.0))
+
+
+def outlines_on_the_way(
+    segment: Segment, direction: Array, lever: float, lengths: Array, size: float = 1.0
+) -> Array:
+    """The hulls (K,) of an object's outline after so long pushes.
+
+    The push is quasi-static; friction's greatest forces and torques are taken to lie on an
+    ellipsoid. Then the object goes along the push by c^2 / (c^2 + b^2) of its length and turns by
+    b / (c^2 + b^2) per length, where b is the lever and c the ratio of greatest torque and force,
+    for a rectangle with the edges e about sqrt((e_1^2 + e_2^2) / 15).
+    Source of the ellipsoid: R. D. Howe and M. R. Cutkosky, IJRR 1996.
+
+    Args:
+        segment: The object.
+        direction: Of the push (2,), a unit vector.
+        lever: By which it passes the centroid on the left, [m].
+        lengths: Of the pushes (K,), [m].
+        size: Of the outline; smaller ones do not meet what only touches the object.
+    """
+    squared = _torque_per_force(segment) ** 2
+    whole = squared + lever**2
+    turns = np.clip(-lever / whole * lengths, -_TURNED, _TURNED)
+    c, s = np.cos(turns), np.sin(turns)
+    R = np.moveaxis(np.array([[c, -s], [s, c]]), -1, 0)
+    own = size * (shapely.get_coordinates(segment.contour.convex_hull) - segment.centroid)
+    gone = squared / whole * lengths[:, None] * direction
+    corners = own @ np.moveaxis(R, 1, 2) + (segment.centroid + gone)[:, None]
+    return np.asarray(shapely.polygons(corners))
+
+
+def spared(outlines: Array, target: Segment, clearance: float) -> Mask:
+    """Up to which instants (K,) an object with these hulls (K,) has left the target alone.
+
+    It keeps the clearance [m], and where it is closer from the start it comes no closer. Where it
+    touches the target or lies over a part of it, it never lies over a larger part.
+    """
+    gaps = shapely.distance(outlines, target.contour)
+    if gaps[0] > _LENGTH:
+        fine = gaps > min(clearance, gaps[0]) - _LENGTH
+    else:
+        over = shapely.area(shapely.intersection(target.contour, outlines))
+        fine = over <= over[0] + _AREA
+    return np.asarray(np.logical_and.accumulate(fine))
 
 
 def push_length(
@@ -224,8 +255,8 @@ def hand_heights(
 ) -> Array:
     """Least heights (N,) of the fingers' ends above the table [m] at which the palm meets nothing.
 
-    Infinite, where the finger itself meets another object, and where the palm would be above
-    another one whose height is not known.
+    Infinite, where the finger meets another object before its own one, and where the palm would be
+    above another one whose height is not known.
 
     Args:
         segment: To be pushed.
@@ -246,7 +277,8 @@ def hand_heights(
         above_own = shapely.intersects(rectangles(segment, direction, palms), segment.contour)
         highest = np.maximum(highest, np.where(above_own, segment.top, 0.0))
     least = np.maximum(config.lowest, highest + config.above - PALM_ABOVE)
-    meets = _swept_meets(segment, direction, fingers, ways, contours).any(axis=1)
+    gaps = np.full(len(fingers), config.gap)
+    meets = _swept_meets(segment, direction, fingers, gaps, contours).any(axis=1)
     return np.asarray(np.where(meets, np.inf, least))
 
 
@@ -255,10 +287,10 @@ def plan_pushes(
 ) -> tuple[Push, ...]:
     """The pushes of an object that spare the target, the best one first; or one that says why not.
 
-    There is one at most in each direction, in which the hand meets nothing else. Those come first
-    in which the object meets the fewest others, then those that take it out of the way, then those
-    nearest to the direction away from the clutter, to the left before to the right. Among the
-    places of the finger that nearest to the line through the centroid is taken.
+    There is one at most in each direction. Those come first that do not topple the object, then
+    those in which the fewest others are met, then those that take it out of the way, then those
+    nearest to the direction away from the clutter, to the left before to the right. Where the
+    centroid cannot be behind the finger in any direction, the finger turns the object as it goes.
 
     Args:
         segment: To be pushed.
@@ -267,27 +299,20 @@ def plan_pushes(
         config: Of the push.
     """
     away = away_from_clutter(segment, others, target, config.width)
-    found, failures = list[tuple[int, bool, Push]](), set[str]()
-    for turn in np.deg2rad(_both_sides(config.largest_turn, _TURN)):
-        c, s = np.cos(turn), np.sin(turn)
-        direction = np.array([[c, -s], [s, c]]) @ away
-        wanted = push_length(segment, others, target, direction, config)
-        push = _push(segment, others, target, direction, wanted, config)
-        if push.why:
-            failures.add(push.why)
-        else:
-            met = _met(segment, others, push.length * direction)
-            found.append((met, push.length < wanted, push))
-    if not found:
-        return (Push(why=f"every push {' or '.join(sorted(failures))}"),)
-    return tuple(push for *_, push in sorted(found, key=lambda each: each[:2]))
-
-
-def _met(segment: Segment, others: Sequence[Segment], motion: Array) -> int:
-    """How many others an object meets on its way, without those that only touch it before."""
-    contours = _contours(others)
-    passed = swept(inner_part(segment), motion)
-    return int(np.count_nonzero(shapely.intersects(contours, passed)))
+    found, failures = list[tuple[bool, int, bool, Push]](), set[str]()
+    for is_beside in (False, True):
+        for turn in np.deg2rad(_both_sides(config.largest_turn, _TURN)):
+            c, s = np.cos(turn), np.sin(turn)
+            direction = np.array([[c, -s], [s, c]]) @ away
+            wanted = push_length(segment, others, target, direction, config)
+            push = _push(segment, others, target, direction, wanted, is_beside, config)
+            if push.why and not is_beside:
+                failures.add(push.why)
+            elif not push.why:
+                found.append((push.topples, len(push.meets), push.length < wanted, push))
+        if found:
+            return tuple(push for *_, push in sorted(found, key=lambda each: each[:3]))
+    return (Push(why=f"every push {' or '.join(sorted(failures))}"),)
 
 
 def _contours(segments: Sequence[Segment]) -> Array:
@@ -309,44 +334,103 @@ def _push(
     target: Segment,
     direction: Array,
     wanted: float,
+    is_beside: bool,
     config: PushConfig,
 ) -> Push:
     """The longest one, up to the wanted length [m], or one that says why there is none."""
     safe = push_height(segment, direction, config)
-    if segment.top <= config.low:
-        safe = max(safe, config.lowest)
-    if safe < config.lowest:
+    topples = safe < config.lowest and not segment.top <= config.low
+    falls = np.nan_to_num(segment.top, nan=np.inf) if topples else 0.0  # Ahead.
+    if np.isinf(falls):
         return Push(why=TOPPLES)
+    safe = max(safe, config.lowest)
     if np.isfinite(segment.top):
         safe = min(safe, max(segment.top - config.grip, config.lowest))
     # What is round is widest there, and is felt in the middle of the outer taxels.
     widest = 0.5 * np.nan_to_num(segment.top) - _TAXELS
-    lengths = np.arange(wanted, config.shortest - _LENGTH, -_LONGER)
-    spared = [spares(segment, target, length * direction, config.clearance) for length in lengths]
-    offsets = _both_sides(config.aside, _ASIDE)
+    offsets = _offsets(segment, is_beside, config)
     points, places = finger_places(segment, direction, offsets, config)
+    if not len(places):
+        return Push(why=SWEEPS)
+    levers = [lever(0.5 * (right + left), config.width) for _, right, _, left in places]
+    lengths = np.arange(wanted, config.shortest - _LENGTH, -_LONGER)
+    instants = np.arange(0.0, wanted + falls + _STEP, _STEP)
+    ends = np.ceil((lengths + falls) / _STEP - _LENGTH).astype(int)
     # The longest one first, then that nearest to the line through the centroid.
-    length, place = (
-        k.ravel() for k in np.meshgrid(lengths[spared], range(len(points)), indexing="ij")
+    which, place = (
+        k.ravel() for k in np.meshgrid(range(len(lengths)), range(len(points)), indexing="ij")
     )
-    fingers, ways = places[place], config.gap + length
+    fingers, ways = places[place], config.gap + lengths[which]
     passed = rectangles(segment, direction, _swept_edges(fingers, ways))
-    away = shapely.distance(passed, target.contour) >= config.clearance
-    if not away.any():
+    alone = shapely.distance(passed, target.contour) >= config.clearance
+    if not alone.any():
         return Push(why=SWEEPS)
     least = hand_heights(segment, others, direction, fingers, ways, config)
-    possible = np.flatnonzero(away & (least <= safe))
+    possible = np.flatnonzero(alone & (least <= safe))
     if not len(possible):
         return Push(why=MEETS)
-    best = possible[0]
-    return Push(
-        point=points[place[best]],
-        direction=direction,
-        length=float(length[best]),
-        reach=float(-fingers[best, 2]),
-        height=float(np.clip(widest, least[best], safe)),
-        finger=rectangles(segment, direction, fingers[[best]])[0],
-    )
+    fine = {
+        beside: spared(
+            outlines_on_the_way(segment, direction, beside, instants), target, config.clearance
+        )[ends]
+        for beside in {levers[k] for k in place[possible]}
+    }
+    possible = possible[[fine[levers[place[k]]][which[k]] for k in possible]]
+    met = {
+        beside: _met(segment, others, direction, beside, instants[: ends[0] + 1])
+        for beside in {levers[k] for k in place[possible]}
+    }
+    for best in possible:
+        moved = [
+            other
+            for other, at in zip(others, met[levers[place[best]]], strict=True)
+            if other.number != target.number
+            and (at <= ends[which[best]] or shapely.intersects(other.contour, passed[best]))
+        ]
+        # They go along at most as far.
+        along = instants[: ends[which[best]] + 1]
+        if all(
+            spared(outlines_on_the_way(o, direction, 0.0, along), target, config.clearance)[-1]
+            for o in moved
+        ):
+            return Push(
+                point=points[place[best]],
+                direction=direction,
+                length=float(lengths[which[best]]),
+                reach=float(-fingers[best, 2]),
+                height=float(np.clip(widest, least[best], safe)),
+                finger=rectangles(segment, direction, fingers[[best]])[0],
+                meets=tuple(sorted(other.number for other in moved)),
+                topples=topples,
+            )
+    return Push(why=SWEEPS)
+
+
+def _offsets(segment: Segment, is_beside: bool, config: PushConfig) -> Array:
+    """Of the finger to the left of the line through the centroid, the nearest first, [m].
+
+    That line is behind the finger; or, beside it, so near that the object goes farther than its
+    edges turn, which is where the lever is less than the ratio of friction's torque and force.
+    """
+    if not is_beside:
+        return _both_sides(0.5 * config.width, _ASIDE)
+    levers = _both_sides(_torque_per_force(segment), _BESIDE)[1:]
+    return np.asarray(levers + np.sign(levers) * 0.5 * config.width)
+
+
+def _torque_per_force(segment: Segment) -> float:
+    """The greatest ones of friction below an object, [m]."""
+    edges = np.diff(shapely.get_coordinates(segment.box)[:3], axis=0)
+    return float(np.sqrt(np.square(edges).sum() / 15.0))
+
+
+def _met(
+    segment: Segment, others: Sequence[Segment], direction: Array, lever: float, lengths: Array
+) -> Array:
+    """At which of so long pushes (K,) others (N,) are first met, without those only touched."""
+    outlines = outlines_on_the_way(segment, direction, lever, lengths, INNER)
+    meets = shapely.intersects(_contours(others)[:, None], outlines)
+    return np.where(meets.any(axis=1), meets.argmax(axis=1), len(lengths))
 
 
 def _frame(direction: Array) -> Array:

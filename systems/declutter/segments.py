@@ -18,7 +18,7 @@ from crossmodal.maths.arrays import Array, Ids, Mask
 from crossmodal.maths.pinhole import Intrinsics
 from crossmodal.systems.port_values import Segment
 
-_INNER = 0.8  # Of an outline's size.
+INNER = 0.8  # Of an outline's size.
 _TOLERANCE = 1.0  # By how much an outline is simplified, [px].
 _AROUND = 3  # A corner's height is the median of the object's so many pixels around it.
 _TOP = 0.98  # The quantile of an object's heights that is its top: a few are wrong.
@@ -30,7 +30,7 @@ def inner_part(segment: Segment) -> shapely.Polygon:
     On its way it meets what lies ahead, and not what only touches the object from the side.
     """
     corners = shapely.get_coordinates(segment.contour.convex_hull)
-    return shapely.polygons(segment.centroid + _INNER * (corners - segment.centroid))
+    return shapely.polygons(segment.centroid + INNER * (corners - segment.centroid))
 
 
 def intersection_over_union(first: shapely.Geometry, second: shapely.Geometry) -> float:

@@ -18,7 +18,8 @@ from crossmodal.systems.onnx_network import Images
 INPUT_SCALE = 10.0  # Of heights, [1/m]: the objects' are about one then.
 WIDTH_SCALE = 0.15  # Of a width that is one, [m].
 _BLUR = 1.0  # Standard deviation, [cells].
-_APART = 10  # Peaks of quality are so far apart at least, [cells].
+_PEAK = 10  # A peak of quality is the highest within so many cells;
+_GRID = 5  # besides, one cell in so many along each axis counts.
 
 
 def network_input(heights: Array) -> Images:
@@ -27,12 +28,12 @@ def network_input(heights: Array) -> Images:
 
 
 def grasps_of_output(output: Array | Images, view: HeightMap, least: float) -> tuple[Array, Array]:
-    """The grasps at the peaks of the quality, the best first.
+    """Grasps all over an object, those at the peaks of the quality among them, the best first.
 
     Args:
         output: Of the network (4, CELLS, CELLS).
         view: Of the object.
-        least: Quality of a peak, above zero.
+        least: Quality of a grasp, above zero.
 
     Returns:
         Rows (N, 5), see `grasp_geometry`, and their qualities (N,), at most one.
@@ -40,9 +41,10 @@ def grasps_of_output(output: Array | Images, view: HeightMap, least: float) -> t
     quality, cosine, sine, width = (cv2.GaussianBlur(o, (0, 0), _BLUR) for o in output)
     seen = highest_within(view.heights)
     quality = np.where(seen > 0.0, quality, 0.0)
-    square = np.ones((2 * _APART + 1,) * 2, np.uint8)
-    peaks = np.argwhere((quality == cv2.dilate(quality, square)) & (quality >= least))
-    rows, columns = peaks[np.argsort(-quality[tuple(peaks.T)], kind="stable")].T
+    chosen = quality == cv2.dilate(quality, np.ones((2 * _PEAK + 1,) * 2, np.uint8))
+    chosen[::_GRID, ::_GRID] = True
+    cells = np.argwhere(chosen & (quality >= least))
+    rows, columns = cells[np.argsort(-quality[tuple(cells.T)], kind="stable")].T
     places = view.places(np.column_stack([columns, rows]))
     angle = 0.5 * np.arctan2(sine[rows, columns], cosine[rows, columns])
     opening = np.clip(WIDTH_SCALE * width[rows, columns], 0.0, STROKE)

@@ -18,7 +18,6 @@ from crossmodal.systems.grasping.grasp_geometry import (
 )
 from crossmodal.systems.grasping.grasp_network import grasps_of_output, network_input
 from crossmodal.systems.grasping.height_map import (
-    CELL,
     CELLS,
     HeightMap,
     height_map,
@@ -29,6 +28,8 @@ from crossmodal.systems.port_values import NO_GRASPS, NO_MASKS, Grasp, Grasps, O
 from crossmodal.systems.recursive_filter import RecursiveFilter
 
 _TABLE = 0.012  # Seen heights up to this may be the table's, [m].
+_OPENING = 0.005  # Between openings that are tried, [m].
+_APART = 0.02  # Grasps that are nearer to each other are alike, [m].
 
 
 @dataclass(kw_only=True)
@@ -78,7 +79,7 @@ def plan_grasps(
     others = np.where(view.others > _TABLE, view.others, 0.0)
     # The network says where and how; whether the fingers are open far enough is seen. Of all free
     # openings the one in the middle is as far from the object as from what is around it.
-    openings = np.arange(0.0, config.widest + 1e-9, CELL)
+    openings = np.arange(0.0, config.widest + 1e-9, _OPENING)
     ways = np.repeat(grasps[None], len(openings), axis=0)
     ways[..., 3] = np.minimum(ways[..., 3] + openings[:, None], STROKE)
     flat = ways.reshape(-1, 5)  # A view of them.
@@ -92,7 +93,12 @@ def plan_grasps(
     free = free.reshape(ways.shape[:2])
     found = np.flatnonzero(free.any(axis=0))
     middle = [k[len(k) // 2] for k in map(np.flatnonzero, free[:, found].T)]
-    return ways[middle, found], quality[found]
+    ways = ways[middle, found]
+    unlike = list[int]()
+    for k, place in enumerate(ways[:, :2]):
+        if (np.linalg.norm(ways[unlike, :2] - place, axis=1) >= _APART).all():
+            unlike.append(k)
+    return ways[unlike], quality[found][unlike]
 
 
 def grasp_pose(grasp: Array, table: float) -> Array:

@@ -183,6 +183,8 @@ class Push(Immutable):
             not where it seems to be.
         height: Of the fingers' ends above the table, [m].
         finger: The rectangle in which the finger comes down, in W, [m].
+        meets: Numbers of the others that finger or object meet on the way, and take along.
+        topples: Whether the object may fall over, ahead.
     """
 
     why: str = ""
@@ -192,6 +194,8 @@ class Push(Immutable):
     reach: float = np.nan
     height: float = np.nan
     finger: shapely.Geometry = _NOTHING
+    meets: tuple[int, ...] = ()
+    topples: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -270,8 +274,8 @@ class ActionRequest(Immutable):
         passed: Of each place, how high that is which the object passes over on a straight way
             there (K,), above the table, [m].
         top: Height of the object above the table, [m]; NaN where it is not known.
-        obstacles: Vertices (N, 3) in W of convex bodies that hold all other objects, [m]; the
-            gripper goes through none of them on its way.
+        obstacles: Vertices (N, 3) in W of convex bodies that hold all other objects, [m]; the arm
+            goes through none of them, and the gripper neither on its way to the object.
         done: Whether no more requests follow, so that the arm goes home.
     """
 

@@ -17,12 +17,13 @@ from crossmodal.systems.declutter.push import (
     PushConfig,
     away_from_clutter,
     finger_places,
+    lever,
+    outlines_on_the_way,
     plan_pushes,
     push_height,
     push_length,
     rectangles,
-    spares,
-    swept,
+    spared,
 )
 from crossmodal.systems.port_values import Push, Segment
 from tests.systems.declutter.scenes import random_scene, rectangle, rotation
@@ -41,6 +42,20 @@ def finger_place(
     """A single one: its point and rectangle."""
     points, edges = finger_places(segment, direction, np.array([offset]), config)
     return (points[0], rectangles(segment, direction, edges)[0]) if len(points) else None
+
+
+def spares(segment: Segment, target: Segment, motion: Array, clearance: float) -> bool:
+    """Whether an object that moves straight leaves the target alone."""
+    length = float(np.linalg.norm(motion))
+    lengths = np.linspace(0.0, length, 51)
+    return bool(
+        spared(outlines_on_the_way(segment, motion / length, 0.0, lengths), target, clearance).all()
+    )
+
+
+def swept(shape: shapely.Geometry, motion: Array) -> shapely.Geometry:
+    """The hull of what a shape passes in a straight motion."""
+    return shapely.union(shape, translate(shape, *motion)).convex_hull
 
 
 LEFT = np.array([[0.0, -1.0], [1.0, 0.0]])  # A quarter turn.
@@ -145,21 +160,35 @@ def test_a_push_is_at_half_the_height_if_that_is_safe(top: float, height: float)
     assert push.height == pytest.approx(height, abs=1e-4)
 
 
-def test_what_is_low_may_be_turned_over() -> None:
+def test_what_would_topple_falls_ahead_and_not_on_the_target() -> None:
+    slender = replace(rectangle(0, "marker", (0.1, 0.0), (0.012, 0.012)), top=0.11)
+    target = rectangle(1, "wineglass", (0.0, 0.0))
+    push = plan_push(slender, [target], target, CONFIG)
+    assert (push.why, push.topples, push.height) == ("", True, 0.012)
+    # To the sides it would still be spared by the push, but not by the fall.
+    ring = rectangle(1, "wineglass", (0.26, 0.0), (0.02, 0.4))
+    straight = replace(CONFIG, largest_turn=0.0)
+    behind = [ring, *300 * [rectangle(2, "can", (0.0, 0.0))]]  # So many that it goes along x.
+    assert plan_push(slender, behind, ring, straight).why == "every push sweeps the target"
+    assert plan_push(replace(slender, top=0.05), behind, ring, straight).why == ""
+
+
+def test_what_is_low_may_be_turned_over_and_what_is_steady_does_not_topple() -> None:
     slender = rectangle(0, "marker", (0.1, 0.0), (0.012, 0.012))
     target = rectangle(1, "wineglass", (0.0, 0.0))
-    assert plan_push(slender, [target], target, CONFIG).why == "every push topples it"
     push = plan_push(replace(slender, top=0.014), [target], target, CONFIG)
-    assert (push.why, push.height) == ("", 0.012)
+    assert (push.why, push.topples, push.height) == ("", False, 0.012)
+    wide = rectangle(0, "can", (0.1, 0.0), (0.06, 0.06))
+    assert not plan_push(wide, [target], target, CONFIG).topples
 
 
 def test_a_palm_passes_over_things_or_they_are_met() -> None:
-    """Beside the finger's way is something that the palm reaches."""
+    """On both sides of the finger's way is something that the palm reaches."""
     pushed, target = rectangle(0, "can", (0.1, 0.0), (0.06, 0.06)), rectangle(1, "", (0.0, 0.0))
     config = replace(CONFIG, largest_turn=0.0, foot=1.0, margin=1.0)
     for top, why in ((0.12, ""), (0.14, ""), (0.2, "every push meets something else")):
-        beside = replace(rectangle(2, "box", (0.15, 0.05)), top=top)
-        lying_ahead = [target, beside, *300 * [target]]  # So many that it turns nothing.
+        sides = [replace(rectangle(2, "box", (0.15, y)), top=top) for y in (0.05, -0.05)]
+        lying_ahead = [target, *sides, *300 * [target]]  # So many that it turns nothing.
         push = plan_push(replace(pushed, top=0.1), lying_ahead, target, config)
         assert push.why == why
         if not why:
@@ -172,8 +201,8 @@ def test_a_hand_whose_object_is_higher_than_its_palm_does_not_push() -> None:
     assert plan_push(replace(pushed, top=0.2), [target], target, CONFIG).why
 
 
-def test_an_object_that_would_topple_is_not_pushed() -> None:
-    slender = rectangle(0, "can", (0.0, 0.0), (0.012, 0.012))
+def test_what_would_topple_is_not_pushed_if_nobody_knows_how_high_it_is() -> None:
+    slender = replace(rectangle(0, "can", (0.0, 0.0), (0.012, 0.012)), top=np.nan)
     target = rectangle(1, "wineglass", (0.2, 0.0))
     push = plan_push(slender, [target], target, CONFIG)
     assert push.why == "every push topples it"
@@ -263,9 +292,9 @@ def offset_of(push: Push, segment: Segment) -> float:
 def brute_force(
     segment: Segment, others: list[Segment], target: Segment, config: PushConfig
 ) -> Push | None:
-    """Of all turns in which the finger meets nothing, that in which the object meets the fewest.
+    """Of all turns in which the finger comes down where it is free, that which meets the fewest.
 
-    Instants of the ways are looked at.
+    Instants of the ways are looked at. What is met goes along and must spare the target, too.
     """
     away = away_from_clutter(segment, others, target, config.width)
     steps = round(config.largest_turn / 10.0)
@@ -277,8 +306,7 @@ def brute_force(
         if not spares(segment, target, config.longest * d, config.clearance):
             continue
         objects = [translate(inner, *(x * d)) for x in np.linspace(0.0, config.longest, 131)]
-        met = sum(any(one.intersects(other.contour) for one in objects) for other in others)
-        for offset in (0.0, 0.0025, -0.0025):
+        for offset in (0.0, 0.005, -0.005, 0.01, -0.01):
             place = finger_place(segment, d, offset, config)
             if place is None:
                 continue
@@ -286,29 +314,82 @@ def brute_force(
             fingers = [translate(place[1], *shift) for shift in way]
             if min(finger.distance(target.contour) for finger in fingers) < config.clearance:
                 continue
-            if not any(covers(f)(other.contour) for f in fingers for other in others):
-                found.append((met, rank, Push(direction=d, point=place[0])))
+            first = fingers[: int(config.gap / (config.longest + config.gap) * 140) + 1]
+            if any(f.intersects(other.contour) for f in first for other in others):
+                continue
+            met = [
+                other
+                for other in others
+                if other is not target
+                and (
+                    any(one.intersects(other.contour) for one in objects)
+                    or any(covers(f)(other.contour) for f in fingers)
+                )
+            ]
+            motion = config.longest * d
+            if all(spares(other, target, motion, config.clearance) for other in met):
+                found.append((len(met), rank, Push(direction=d, point=place[0])))
                 break
     return min(found, key=lambda each: each[:2])[2] if found else None
 
 
 @pytest.mark.parametrize("seed", range(12))
 def test_a_plan_is_the_best_of_all(seed: int) -> None:
-    config = replace(
-        CONFIG, aside=0.0025, friction=0.1, gap=0.005, shortest=0.13, longest=0.13, grip=0.0
-    )
+    config = replace(CONFIG, friction=0.1, gap=0.005, shortest=0.13, longest=0.13, grip=0.0)
     scene = [replace(s, top=0.05) for s in random_scene(seed, count=6, spread=0.07)]
     target, segment = scene[0], scene[3]
     others = [other for other in scene if other is not segment]
     expected = brute_force(segment, others, target, config)
     push = plan_push(segment, others, target, config)
     if expected is None:
-        assert push.why
+        assert push.why or lever(offset_of(push, segment), config.width) != 0.0
         return
     assert push.why == ""
     assert_allclose(push.direction, expected.direction, atol=1e-12)
     offsets = [offset_of(found, segment) for found in (push, expected)]
     assert abs(offsets[0]) == pytest.approx(abs(offsets[1]))
+
+
+def test_a_finger_has_no_lever_while_the_centroid_is_behind_it() -> None:
+    assert [lever(x, 0.03) for x in (0.0, 0.015, -0.01)] == [0.0, 0.0, 0.0]
+    assert lever(0.025, 0.03) == pytest.approx(0.01)
+    assert lever(-0.025, 0.03) == pytest.approx(-0.01)
+
+
+def test_a_push_beside_the_centroid_turns_as_friction_allows() -> None:
+    """Normal velocities of the ellipsoid (f / F)^2 + (m / (c F))^2 = 1: v_x = f, w = m / c^2."""
+    segment = rectangle(0, "box", (0.1, 0.2), (0.06, 0.08), 0.3)
+    squared, b, length = (0.06**2 + 0.08**2) / 15.0, 0.02, 0.05
+    d = rotation(0.7)[:, 0]
+    f, m = 1.0, -b  # The force pushes b to the left of the centroid.
+    v, w = f, m / squared
+    rate = v - w * b  # The finger's speed.
+    (outline,) = outlines_on_the_way(segment, d, b, np.array([length]))
+    assert_allclose(
+        shapely.get_coordinates(outline.centroid)[0] - segment.centroid, length * v / rate * d
+    )
+    turned = rotation(length * w / rate)
+    expected = (shapely.get_coordinates(segment.contour)[0] - segment.centroid) @ turned.T
+    own = shapely.get_coordinates(outline) - shapely.get_coordinates(outline.centroid)
+    assert np.abs(own - expected).max(axis=1).min() < 1e-12
+    straight = outlines_on_the_way(segment, d, 0.0, np.array([0.0, length]))
+    assert straight[0].equals_exact(segment.contour, 1e-12, normalize=True)
+    assert straight[1].equals_exact(
+        translate(segment.contour, *(length * d)), 1e-12, normalize=True
+    )
+
+
+def test_where_the_middle_is_out_of_reach_an_object_is_pushed_beside_it() -> None:
+    pushed = rectangle(0, "can", (0.1, 0.0), (0.03, 0.12))
+    target = rectangle(1, "wineglass", (0.0, 0.0))  # The finger does not fit between the two.
+    config = replace(CONFIG, largest_turn=0.0)
+    near = replace(pushed, contour=translate(pushed.contour, -0.055, 0.0))
+    wide = replace(target, contour=shapely.box(-0.02, -0.012, 0.02, 0.012))
+    push = plan_push(near, [wide], wide, config)
+    assert push.why == ""
+    assert abs(lever(offset_of(push, near), CONFIG.width)) > 0.0
+    assert push.finger.distance(wide.contour) >= CONFIG.clearance
+    assert lever(offset_of(plan_push(pushed, [target], target, config), pushed), 0.027) == 0.0
 
 
 @pytest.mark.parametrize(
@@ -336,15 +417,31 @@ def test_all_pushes_spare_the_target_and_stand_where_it_is_free() -> None:
     pushes = plan_pushes(scene[3], others, scene[0], CONFIG)
     assert len(pushes) > 2
     for push in pushes:
-        motion = (CONFIG.gap + push.length) * push.direction
-        strip = swept(push.finger, motion)
+        strip = swept(push.finger, CONFIG.gap * push.direction)
         assert not any(strip.intersects(other.contour) for other in others)
+        strip = swept(push.finger, (CONFIG.gap + push.length) * push.direction)
+        met = {o.number for o in others if strip.intersects(o.contour)}
+        assert met <= set(push.meets)
+        assert strip.distance(scene[0].contour) >= CONFIG.clearance - 1e-9
     assert len({tuple(push.direction) for push in pushes}) == len(pushes)
+    assert [len(push.meets) for push in pushes] == sorted(len(push.meets) for push in pushes)
     for push in pushes:
         assert spares(scene[3], scene[0], push.length * push.direction, CONFIG.clearance)
         beside = translate(push.finger, *(push.reach * push.direction))
         ahead = (shapely.get_coordinates(beside) - scene[3].centroid) @ push.direction
         assert ahead.max() == pytest.approx(0.0, abs=1e-12)
+
+
+def test_what_is_met_goes_along_and_spares_the_target_too() -> None:
+    """Between the pushed object and the target lies another one."""
+    pushed, between = rectangle(0, "can", (0.0, 0.0)), rectangle(1, "sponge", (0.07, 0.0))
+    target = rectangle(2, "wineglass", (0.14, 0.0))
+    behind = 300 * [rectangle(3, "can", (-0.2, 0.0))]  # So many that it goes along x.
+    config = replace(CONFIG, largest_turn=0.0, longest=0.1)
+    others = [between, target, *behind]
+    assert plan_push(pushed, others, target, config).why == "every push sweeps the target"
+    beyond = replace(target, contour=translate(target.contour, 0.2, 0.0))
+    assert plan_push(pushed, [between, beyond, *behind], beyond, config).meets == (1,)
 
 
 def test_plans_by_lot_are_straight_turned_and_refused() -> None:
@@ -359,13 +456,12 @@ def test_plans_by_lot_are_straight_turned_and_refused() -> None:
             away = away_from_clutter(scene[3], others, scene[0], CONFIG.width)
             turned = away @ push.direction < 1.0 - 1e-9
             kinds.add("turned" if turned else "straight")
-            assert abs(offset_of(push, scene[3])) <= CONFIG.aside + 1e-9
             assert np.linalg.norm(push.direction) == pytest.approx(1.0)
     assert kinds == {"straight", "turned", "refused"}
 
 
 def test_the_finger_moves_along_the_contour_to_where_it_is_free() -> None:
-    config = replace(CONFIG, aside=0.015, largest_turn=0.0)
+    config = replace(CONFIG, largest_turn=0.0)
     pushed = rectangle(0, "can", (0.0, 0.0), (0.06, 0.08))
     ahead = 500 * [rectangle(1, "", (0.2, 0.0))]  # So many that what is behind turns nothing.
     free = plan_push(pushed, ahead, ahead[0], config)
@@ -376,9 +472,8 @@ def test_the_finger_moves_along_the_contour_to_where_it_is_free() -> None:
     obstacle = rectangle(3, "", (x, y - 0.0135 - 0.002), (0.016, 0.016))
     blocked = plan_push(pushed, [*ahead, obstacle], ahead[0], config)
     assert blocked.why == ""
-    offset = offset_of(blocked, pushed)
-    assert -0.015 < offset < 0.0
-    nearer = finger_place(pushed, blocked.direction, offset + 0.0025, config)
+    assert offset_of(blocked, pushed) == pytest.approx(-0.01)
+    nearer = finger_place(pushed, blocked.direction, -0.005, config)
     assert nearer is not None
     assert obstacle.contour.intersection(nearer[1]).area > 0.0
 
@@ -407,14 +502,14 @@ def test_a_push_is_turned_until_it_spares_the_target() -> None:
     assert away @ LEFT.T @ push.direction > 0.0
     assert spares(pushed, target, push.length * push.direction, CONFIG.clearance)
     straight = plan_push(pushed, others, target, replace(CONFIG, largest_turn=0.0))
-    assert straight.why == "every push sweeps the target"
+    assert straight.why
 
 
 def test_a_finger_does_not_come_down_on_the_target() -> None:
     pushed = rectangle(0, "can", (0.06, 0.0))
     target = rectangle(1, "wineglass", (0.0, 0.0))  # 2 cm are free between, the finger needs 3.8.
     straight = plan_push(pushed, [target], target, replace(CONFIG, largest_turn=0.0))
-    assert straight.why == "every push sweeps the target"
+    assert straight.why
     push = plan_push(pushed, [target], target, CONFIG)
     assert push.why == ""
     assert push.finger.distance(target.contour) >= CONFIG.clearance

@@ -28,20 +28,23 @@ def output(peaks: list[tuple[int, int, float, float, float]]) -> Array:
 
 
 def test_each_peak_is_a_grasp_and_the_best_is_first() -> None:
-    said = output([(50, 60, 0.5, 0.3, 0.05), (90, 100, 0.9, -1.2, 0.08)])
+    said = output([(52, 63, 0.5, 0.3, 0.05), (91, 102, 0.9, -1.2, 0.08)])
     grasps, quality = grasps_of_output(said, VIEW, 0.1)
-    assert_allclose(quality, [0.9, 0.5], rtol=0.05)
-    assert_allclose(grasps[:, 0], 0.4 + CELL * np.array([100, 60]), atol=1e-9)
-    assert_allclose(grasps[:, 1], -0.3 + CELL * np.array([90, 50]), atol=1e-9)
-    assert_allclose(grasps[:, 2], [-1.2, 0.3], atol=1e-6)
-    assert_allclose(grasps[:, 3], [0.08, 0.05], atol=1e-6)
+    first, second = 0, int(np.argmax(grasps[:, 2] > 0.0))
+    for k, row, column in ((first, 91, 102), (second, 52, 63)):
+        assert_allclose(grasps[k, :2], [0.4 + CELL * column, -0.3 + CELL * row], atol=1e-9)
+    assert_allclose(quality[[first, second]], [0.9, 0.5], rtol=0.05)
+    assert (np.diff(quality) <= 0.0).all()
+    assert_allclose(grasps[[first, second], 2], [-1.2, 0.3], atol=1e-6)
+    assert_allclose(grasps[[first, second], 3], [0.08, 0.05], atol=1e-6)
     assert_allclose(grasps[:, 4], 0.015)
 
 
-def test_of_two_peaks_within_twenty_millimetres_the_better_one_counts() -> None:
-    said = output([(50, 60, 0.5, 0.3, 0.05), (50, 68, 0.9, 0.3, 0.05)])
-    grasps, _ = grasps_of_output(said, VIEW, 0.1)
-    assert_allclose(grasps[:, 0], [0.4 + CELL * 68])
+def test_around_a_peak_there_are_grasps_a_centimetre_apart() -> None:
+    grasps, quality = grasps_of_output(output([(50, 60, 0.9, 0.3, 0.05)]), VIEW, 0.3)
+    beside = np.linalg.norm(grasps[:, :2] - [0.4 + CELL * 60, -0.3 + CELL * 50], axis=1)
+    assert_allclose(quality, 0.9 * np.exp(-np.square(beside / CELL) / 50.0), atol=0.04)
+    assert_allclose(np.sort(beside)[:9], 0.01 * np.sqrt([0, 1, 1, 1, 1, 2, 2, 2, 2]), atol=1e-9)
 
 
 @pytest.mark.parametrize("place", [(50, 60, 0.05), (5, 5, 0.9)])

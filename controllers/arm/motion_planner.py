@@ -33,7 +33,7 @@ class MotionPlannerConfig:
     step: float = number(0.05, above=0.0, at_most=1.0, unit="rad")
     # Length of a branch of the search trees.
     branch: float = number(0.4, above=0.0, at_most=10.0, unit="rad")
-    branches: int = number(2000, at_least=1, at_most=1000000)  # After which it is given up.
+    branches: int = number(500, at_least=1, at_most=1000000)  # After which it is given up.
     # Postures from which inverse kinematics starts beside those given, and how far around these.
     restarts: int = number(10, at_least=0, at_most=10000)
     spread: float = number(0.8, above=0.0, at_most=10.0, unit="rad")

@@ -16,6 +16,7 @@ MARGIN = 0.008  # Between object and fingers on each side before they close, [m]
 
 _LOWEST = 0.005  # Least height of the fingers' ends above the table, [m].
 _DEEPEST = 0.045  # So far the fingers reach down beside an object, [m]: the inner taxels and more.
+_BETWEEN = 15  # Points along each edge of what is between the fingers.
 _PALM_STEP = 0.005  # Between points of the palm that are looked at, [m].
 
 
@@ -51,6 +52,19 @@ def highest_under_fingers(
     x, y = _grid((-around, THICKNESS + around), (-across, across), CELL)
     x = 0.5 * grasps[:, 3, None] + x
     return np.maximum(*(_highest(heights, grasps, side * x, y, view) for side in (-1.0, 1.0)))
+
+
+def highest_between_fingers(heights: Array, grasps: Array, view: HeightMap) -> Array:
+    """Greatest height (N,) between the fingers before they close, [m].
+
+    Args:
+        heights: On the cells of the map, [m].
+        grasps: (N, 4) or more columns.
+        view: Where the cells are.
+    """
+    across = np.linspace(-0.5, 0.5, _BETWEEN)
+    x, y = (k.ravel() for k in np.meshgrid(across, WIDTH * across))
+    return _highest(heights, grasps, grasps[:, 3, None] * x, y, view)
 
 
 def is_blocked(heights: Array, grasps: Array, view: HeightMap) -> Mask:

@@ -12,6 +12,7 @@ from crossmodal.maths.validation import check, number
 from crossmodal.models import WEIGHTS_DIR
 from crossmodal.systems.grasping.grasp_geometry import (
     STROKE,
+    highest_between_fingers,
     highest_under_fingers,
     is_blocked,
     tops,
@@ -64,7 +65,7 @@ def load_grasp_network(config: GraspPlannerConfig) -> OnnxNetwork:
 def plan_grasps(
     view: HeightMap, network: OnnxNetwork, config: GraspPlannerConfig
 ) -> tuple[Array, Array]:
-    """The grasps of an object at which the fingers come down on nothing, the best first.
+    """The grasps of an object alone at which the fingers come down on nothing, the best first.
 
     Args:
         view: Of the object and what is around it.
@@ -89,7 +90,8 @@ def plan_grasps(
     deep = tops(view.heights, flat, view) - above >= config.shallowest
     deep |= above <= flat[:, 4]
     flat[:, 4] = np.maximum(flat[:, 4], above)
-    free = deep & ~is_blocked(np.maximum(view.heights, others), flat, view)
+    alone = highest_between_fingers(others, flat, view) <= flat[:, 4]
+    free = deep & alone & ~is_blocked(np.maximum(view.heights, others), flat, view)
     free = free.reshape(ways.shape[:2])
     found = np.flatnonzero(free.any(axis=0))
     middle = [k[len(k) // 2] for k in map(np.flatnonzero, free[:, found].T)]

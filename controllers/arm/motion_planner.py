@@ -1,6 +1,7 @@
 """Motions of one arm that collide with nothing that is known to stand around it."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -101,7 +102,6 @@ class MotionPlanner:
         others: Mapping[str, Array],
         obstacles: Sequence[Array] = (),
         clearance: float | None = None,
-        hand: bool = True,
     ) -> None:
         """Takes over how other models stand, and what else is in the way.
 
@@ -109,13 +109,9 @@ class MotionPlanner:
             others: Joint positions by the names of their models.
             obstacles: Vertices (N, 3) in W of each convex body, [m]; see `box_vertices`.
             clearance: Least distance from all that, instead of the configured one, [m].
-            hand: Whether the hand, too, keeps away from them and from the world. Where not, whoever
-                chose its way has checked it.
         """
         padding = self._config.clearance if clearance is None else clearance
         self._checker.SetPaddingAllRobotEnvironmentPairs(padding)
-        for body in self._hand:
-            self._checker.SetCollisionFilteredBetween(body, self._world.index(), not hand)
         for name, q in others.items():
             self._plant.SetPositionsInArray(self._plant.GetModelInstanceByName(name), q, self._q)
         self._checker.RemoveAllAddedCollisionShapes(_OBSTACLE)
@@ -142,7 +138,9 @@ class MotionPlanner:
         config, arm = self._config, self._arm.plant
         return all_inverse_kinematics(arm, X_WE, guesses, config.restarts, config.spread)
 
-    def line(self, q_start: Array, direction: Array, length: float) -> Array:
+    def line(
+        self, q_start: Array, direction: Array, length: float, hand_is_free: bool = False
+    ) -> Array:
         """Postures (K, n) along a straight line of E, which keeps its orientation.
 
         It ends where the arm would leave its limits or hit something.
@@ -151,7 +149,23 @@ class MotionPlanner:
             q_start: Where it begins (n,), [rad].
             direction: Unit vector (3,) in W.
             length: Of the line, [m].
+            hand_is_free: Whether the way of the hand was checked before, so that only the arm may
+                hit something.
         """
+        with self._without_hand() if hand_is_free else nullcontext():
+            return self._line(q_start, direction, length)
+
+    @contextmanager
+    def _without_hand(self) -> Iterator[None]:
+        """The hand hits nothing of the world."""
+        world = self._world.index()
+        for body in self._hand:
+            self._checker.SetCollisionFilteredBetween(body, world, True)
+        yield
+        for body in self._hand:
+            self._checker.SetCollisionFilteredBetween(body, world, False)
+
+    def _line(self, q_start: Array, direction: Array, length: float) -> Array:
         q, still = q_start, np.zeros(len(q_start))
         X = self._arm.Evaluate(np.append(q, still)).X_WE.copy()
         postures, steps = [q], max(int(np.ceil(length / _LINE_STEP)), 1)

@@ -60,6 +60,9 @@ class ActionPlan(Immutable):
 class ActionPlanner:
     """Plans for one arm; between its plans the gripper is closed in the planner's scene.
 
+    On the straight ways of a grasp or a push only the arm is kept away from things: whoever chose
+    it has seen to the gripper's room.
+
     Args:
         planner: Of the arm.
         gripper: Name of the gripper's model in its scene.
@@ -151,11 +154,10 @@ class ActionPlanner:
                     RotationMatrix.MakeZRotation(turn), np.zeros(3)
                 )
                 X = X_WE.GetAsMatrix4()
-                self._look(request, others, opening, hand=False)
+                self._look(request, others, opening)
                 spare = self._top(request, X) - X[2, 3] - self._config.grasped
                 for down, short in self._ways_down(request, X_WE, guesses, max(spare, 0.0)):
-                    carried = self._carried(request, down[-1], X_WE.translation(), opening, others)
-                    self._look(request, others, opening, hand=False)
+                    carried = self._carried(request, down[-1], X_WE.translation())
                     if carried is None:
                         continue
                     legs = (
@@ -172,9 +174,7 @@ class ActionPlanner:
                     yield ActionPlan(legs=legs, opening=opening, X_WE=X, spare=spare - short), x, y
                     break
 
-    def _carried(
-        self, request: Any, q: Array, p_WE: Array, opening: float, others: dict[str, Array]
-    ) -> tuple[Leg, ...] | None:
+    def _carried(self, request: Any, q: Array, p_WE: Array) -> tuple[Leg, ...] | None:
         """Up, level and down again, to the first place where that is possible.
 
         Where it is not, it is not beside it either.
@@ -186,9 +186,7 @@ class ActionPlanner:
                 continue
             failed.append(place)
             height = max(config.lift, passed + config.above)
-            self._look(request, others, opening, hand=False)
-            lift = self._planner.line(q, _UP, height)
-            self._look(request, others, opening)
+            lift = self._planner.line(q, _UP, height, hand_is_free=True)
             if self._planner.length(lift) < height - _SHORT:
                 continue
             way = np.append(place - p_WE[:2], 0.0)
@@ -220,11 +218,12 @@ class ActionPlanner:
             across = np.cross(_UP, along)
             c = push.finger.centroid
             for sign in (1.0, -1.0):  # Either finger may be in front; z is down.
-                self._look(request, others, 0.0, hand=False)
+                self._look(request, others, 0.0)
                 R_WE = RotationMatrix(np.column_stack([sign * along, -sign * across, -_UP]))
                 X_WE = RigidTransform(R_WE, [c.x, c.y, push.height])
                 for down, _ in self._ways_down(request, X_WE, guesses):
-                    pushed = self._planner.line(down[-1], along, push.length + push.reach)
+                    way = push.length + push.reach
+                    pushed = self._planner.line(down[-1], along, way, hand_is_free=True)
                     if self._planner.length(pushed) < push.length:
                         continue
                     legs = (
@@ -258,7 +257,7 @@ class ActionPlanner:
             X_before = RigidTransform(X_WE.rotation(), X_WE.translation() - length * z)
             for q in islice(self._planner.postures(X_before, guesses), _POSTURES):
                 if self._planner.is_free(q):
-                    down = self._planner.line(q, z, length)
+                    down = self._planner.line(q, z, length, hand_is_free=True)
                     short = length - self._planner.length(down)
                     if short < spare + _SHORT:
                         yield down, short
@@ -274,18 +273,12 @@ class ActionPlanner:
         others: dict[str, Array],
         opening: float,
         around: Sequence[Array] = (),
-        hand: bool = True,
     ) -> None:
-        """What is in the way: with the object around, on the way to it, and near it without.
-
-        Where whoever chose the grasp or the push has seen to it that the hand is free, it is the
-        arm's way alone.
-        """
+        """What is in the way: with the object around, on the way to it, and near it without."""
         self._planner.look_at(
             {**others, self._gripper: np.full(2, opening)},
             [*request.obstacles, *around],
             None if around else self._config.near,
-            hand,
         )
 
 

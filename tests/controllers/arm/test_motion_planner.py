@@ -151,3 +151,19 @@ def test_a_line_ends_where_the_arm_cannot_reach_any_more(planner: MotionPlanner)
     line = planner.line(q, np.array([-1.0, 0.0, 0.0]), 2.0)
     assert 0.1 < planner.length(line) < 0.9
     assert np.abs(np.diff(line, axis=0)).max() < 0.4
+
+
+def test_on_a_line_whose_hand_is_free_only_the_arm_hits_things(planner: MotionPlanner) -> None:
+    """A low box is where the hand is at the line's end; a high one where the forearm is, too."""
+    q = planner.posture(ABOVE_TABLE, [UR5_HOME])
+    assert q is not None
+    x, y, _ = ABOVE_TABLE.translation()
+    low = box_vertices(np.array([0.1, 0.1, 0.12]), RigidTransform([x, y, 0.06]))
+    planner.look_at(CAMERA_AWAY, [low])
+    assert planner.length(planner.line(q, DOWN, 0.2)) < 0.15
+    whole = planner.line(q, DOWN, 0.2, hand_is_free=True)
+    assert planner.length(whole) == pytest.approx(0.2, abs=1e-4)
+    assert not planner.is_free(whole[-1])  # Afterwards the hand counts again.
+    high = box_vertices(np.array([0.1, 0.1, 0.6]), RigidTransform([x, y, 0.3]))
+    planner.look_at(CAMERA_AWAY, [high])
+    assert len(planner.line(q, DOWN, 0.2, hand_is_free=True)) == 1

@@ -108,7 +108,8 @@ def segments_in(
     """The objects on a part of the table, numbered from zero, and their masks.
 
     What the ray of a pixel misses the table for is beyond it, and left out. Depth says nothing of
-    glass, which is outlined as if it lay, and as high as its length allows then.
+    glass but what is beneath it: it is outlined as if it lay on that, and as high as its length
+    allows then.
 
     Args:
         view: Of the table.
@@ -121,9 +122,13 @@ def segments_in(
     for one in found:
         if one.name not in glass:
             solid |= one.mask
+    heights = view.intrinsics.heights(view.depth, view.X_WC, view.table)
     for one in found:
         edges = glass.get(one.name)
-        lying = 0.0 if edges is None else float(np.sort(edges)[1])
+        beneath = lying = 0.0
+        if edges is not None:
+            beneath = _typical(heights[one.mask])
+            lying = beneath + 0.5 * float(np.sort(edges)[1])
         try:
             segment = segment_of_mask(
                 len(kept),
@@ -131,7 +136,7 @@ def segments_in(
                 one.mask,
                 view.intrinsics,
                 view.X_WC,
-                view.table + 0.5 * lying,
+                view.table + lying,
                 view.depth if edges is None else None,
             )
         except ValueError:
@@ -140,7 +145,7 @@ def segments_in(
         if edges is None:
             covered = covered_share(one.mask, solid & ~one.mask, view.depth, _BEFORE)
         else:
-            top = greatest_height(segment, edges)
+            top = beneath + greatest_height(segment, edges)
         segment = replace(
             segment,
             top=top,
@@ -151,6 +156,12 @@ def segments_in(
         if region.contains(segment.contour.centroid):
             kept.append((segment, one.mask))
     return tuple(segment for segment, _ in kept), [mask for _, mask in kept]
+
+
+def _typical(heights: Array) -> float:
+    """The median of what was measured of heights (N,), zero where nothing was, [m]."""
+    known = heights[np.isfinite(heights)]
+    return float(max(np.median(known), 0.0)) if len(known) else 0.0
 
 
 def greatest_height(segment: Segment, edges: Array) -> float:

@@ -53,7 +53,12 @@ class Rig:
         self.context: Context = self.system.CreateDefaultContext()
 
     def look(
-        self, number: int, cans: list[tuple[int, int]], robot: bool = False, time: float = 1.0
+        self,
+        number: int,
+        cans: list[tuple[int, int]],
+        robot: bool = False,
+        time: float = 1.0,
+        height: float = 0.07,
     ) -> Segments:
         """Shows cans with a square top at rows and columns, 7 cm high; returns what is said."""
         colour = ImageRgba8U(320, 240)
@@ -63,7 +68,7 @@ class Rig:
         mask.mutable_data[:] = 0
         for v, u in cans:
             colour.mutable_data[v : v + 30, u : u + 30, :3] = RED
-            depth.mutable_data[v : v + 30, u : u + 30] = 0.53
+            depth.mutable_data[v : v + 30, u : u + 30] = 0.6 - height
         if robot:
             mask.mutable_data[:] = 1
         for port, image in (("color_measured", colour), ("depth_measured", depth)):
@@ -99,14 +104,16 @@ def test_an_object_is_where_its_rays_meet_its_height(rig: Rig) -> None:
     assert_allclose(can.top, 0.07, atol=1e-6)
 
 
-def test_glass_is_as_high_as_it_can_be_whatever_depth_says() -> None:
+@pytest.mark.parametrize("beneath", [0.0, 0.07])
+def test_glass_is_as_high_as_it_can_be_on_what_is_seen_through_it(beneath: float) -> None:
     rig = Rig("wineglass")
-    (glass,) = rig.look(1, [(104, 144)]).segments
-    assert glass.top == 0.2
-    # It is outlined as if it lay: .04 m above the table.
-    assert_allclose(glass.centroid, [0.5 - 0.56 / 288, 0.56 / 288], atol=1e-3)
-    assert_allclose(glass.contour.area, (30 * 0.56 / 288) ** 2, rtol=0.05)
-    assert rig.masks().glass == {0: 0.2}
+    (glass,) = rig.look(1, [(104, 144)], height=beneath).segments
+    assert glass.top == pytest.approx(beneath + 0.2, abs=1e-6)
+    # It is outlined as if it lay, its middle .04 m above that.
+    away = 0.56 - beneath
+    assert_allclose(glass.centroid, [0.5 - away / 288, away / 288], atol=1e-3)
+    assert_allclose(glass.contour.area, (30 * away / 288) ** 2, rtol=0.05)
+    assert rig.masks().glass == {0: glass.top}
 
 
 @pytest.mark.parametrize(

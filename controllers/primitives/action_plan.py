@@ -181,14 +181,14 @@ class ActionPlanner:
         """
         config = self._config
         failed = list[Array]()
-        for place, passed in zip(request.places, request.passed, strict=True):
+        heights = np.maximum(config.lift, request.passed + config.above)
+        highest = self._planner.line(q, _UP, max(heights, default=0.0), hand_is_free=True)
+        possible = heights < self._planner.length(highest) + _SHORT
+        for place, height in zip(request.places[possible], heights[possible], strict=True):
             if any(np.linalg.norm(place - other) < _BESIDE for other in failed):
                 continue
             failed.append(place)
-            height = max(config.lift, passed + config.above)
             lift = self._planner.line(q, _UP, height, hand_is_free=True)
-            if self._planner.length(lift) < height - _SHORT:
-                continue
             way = np.append(place - p_WE[:2], 0.0)
             length = float(np.linalg.norm(way))
             level = self._planner.line(lift[-1], way / max(length, 1e-9), length)

@@ -139,6 +139,8 @@ def declutter_graph(
     That is a leaf on which an action may still be tried and is possible: one on which nothing lies
     before others, then that of the highest incoming weight, and among equal ones that of the lowest
     number. A leaf without such an action stays where it is, and what it hangs on counts as a leaf.
+    Before all that come actions that are likely to work: a grasp of quality mu_q, and a push that
+    meets nothing, of something on which nothing lies.
 
     Args:
         scene: All objects.
@@ -189,7 +191,7 @@ def declutter_graph(
         why=NO_TARGET if is_guess else TARGET_FREE if len(tree) == 1 else NOTHING_LEFT,
     )
     beneath = {s.number for s in segments if _lies_beneath(s, segments, config)}
-    staying = set[int]()
+    staying, possible = set[int](), list[DeclutterGraph]()
     while leaves := graph.leaves(staying):
         leaf = max(
             leaves, key=lambda v: (v.segment.number not in beneath, v.weight, -v.segment.number)
@@ -203,12 +205,19 @@ def declutter_graph(
                 if pushes[0].why:
                     why = pushes[0].why
                     continue
+                is_sure = pushes[0].is_sure
+            else:
+                is_sure = qualities[n] >= config.grasp_quality
             vertices[n] = replace(leaf, action=action)
-            found = tuple(vertices.values())
-            return replace(graph, vertices=found, next=n, pushes=pushes, why="")
+            possible.append(replace(graph, next=n, pushes=pushes, why=""))
+            if is_sure and n not in beneath:
+                return replace(possible[-1], vertices=tuple(vertices.values()))
+            break
+        else:
+            vertices[n] = replace(leaf, action=None, why=why)
         staying.add(n)
-        vertices[n] = replace(leaf, action=None, why=why)
-    return replace(graph, vertices=tuple(vertices.values()))
+    found = possible[0] if possible else graph
+    return replace(found, vertices=tuple(vertices.values()))
 
 
 def _in_place_of(remembered: Segment, shown: Sequence[Segment]) -> Segment:

@@ -402,6 +402,7 @@ def _push(
                 finger=rectangles(segment, direction, fingers[[best]])[0],
                 meets=tuple(sorted(other.number for other in moved)),
                 topples=topples,
+                lever=levers[place[best]],
             )
     return Push(why=SWEEPS)
 

@@ -41,9 +41,6 @@ class GraspPlannerConfig:
     weights: str = "grasp.onnx"
     # Quality of a grasp.
     least_quality: float = number(0.1, above=0.0, at_most=1.0)
-    # Share of the quality that is left where the camera looks through the object, so that its
-    # heights are not known: of 29 such grasps on views not learned from one held, of others half.
-    glass: float = number(0.1, at_least=0.0, at_most=1.0)
     # Between the fingers and other objects, aside and below.
     clearance: float = number(0.003, at_least=0.0, at_most=0.05, unit="m")
     # By which the fingers may be opened wider than the network says: half of it on each side.
@@ -120,7 +117,9 @@ def grasp_pose(grasp: Array, table: float) -> Array:
 def find_all_grasps(
     masks: ObjectMasks, table: float, network: OnnxNetwork, config: GraspPlannerConfig
 ) -> Grasps:
-    """The grasps of all objects in an image.
+    """The grasps of all objects in an image but glass, through which the camera looks.
+
+    Of 29 grasps of glass on views that the network had not learned from one held.
 
     Args:
         masks: Of the objects.
@@ -133,9 +132,8 @@ def find_all_grasps(
     depth = np.where(glass, 0.0, masks.depth)  # It is that of what is behind.
     seen = seen_points(depth, masks.objects, masks.intrinsics, masks.X_WC, table, masks.glass)
     found = {}
-    for label in np.unique(masks.objects[masks.objects >= 0]).tolist():
+    for label in np.unique(masks.objects[(masks.objects >= 0) & ~glass]).tolist():
         rows, quality = plan_grasps(height_map(seen, label), network, config)
-        quality = quality * (config.glass if label in masks.glass else 1.0)
         found[label] = tuple(
             Grasp(X_WE=grasp_pose(row, table), width=float(row[3]), quality=float(q))
             for row, q in zip(rows, quality, strict=True)

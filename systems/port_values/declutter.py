@@ -185,6 +185,7 @@ class Push(Immutable):
         finger: The rectangle in which the finger comes down, in W, [m].
         meets: Numbers of the others that finger or object meet on the way, and take along.
         topples: Whether the object may fall over, ahead.
+        lever: By which it passes the object's middle on the left and turns it, [m].
     """
 
     why: str = ""
@@ -196,6 +197,12 @@ class Push(Immutable):
     finger: shapely.Geometry = _NOTHING
     meets: tuple[int, ...] = ()
     topples: bool = False
+    lever: float = 0.0
+
+    @property
+    def is_sure(self) -> bool:
+        """Whether it moves the object alone, without turning it over or around."""
+        return not (self.meets or self.topples or self.lever)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -167,7 +167,8 @@ def _typical(heights: Array) -> float:
 def greatest_height(segment: Segment, edges: Array) -> float:
     """How high an object can be whose outline is as long as that, [m].
 
-    Its longest edge, leaning, is as high as Pythagoras says, and its thickness comes on top.
+    Its longest edge, leaning, is as high as Pythagoras says, and its thickness comes on top; no
+    object is higher than the diagonal of both.
 
     Args:
         segment: The object.
@@ -176,7 +177,7 @@ def greatest_height(segment: Segment, edges: Array) -> float:
     sides = np.diff(shapely.get_coordinates(segment.box), axis=0)
     seen = float(np.linalg.norm(sides, axis=1).max())
     _, thick, long = np.sort(edges)
-    return float(min(np.sqrt(max(long**2 - seen**2, 0.0)) + thick, long))
+    return float(min(np.sqrt(max(long**2 - seen**2, 0.0)) + thick, np.hypot(long, thick)))
 
 
 class Segmenter(RecursiveFilter):

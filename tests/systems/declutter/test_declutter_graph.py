@@ -1,5 +1,6 @@
 """Weights, trees and choices of the declutter graph."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -163,7 +164,7 @@ def test_what_is_near_another_object_but_not_the_target_is_not_in_the_way() -> N
 
 
 def test_the_leaf_of_the_highest_weight_is_next_though_an_inner_vertex_weighs_more() -> None:
-    graph = graph_of(*row(0.0, 0.02, 0.05, -0.06))
+    graph = graph_of(*row(0.0, 0.02, 0.05, -0.06), qualities={1: 0.9, 2: 0.9, 3: 0.9})
     assert graph.vertex(1).weight > graph.vertex(2).weight > 1.0
     assert graph.vertex(2).parent == 1
     assert graph.vertex(3).weight == pytest.approx(0.8)
@@ -349,12 +350,34 @@ def test_an_object_that_cannot_be_pushed_is_grasped_if_it_can_be() -> None:
 
 def test_leaves_are_tried_from_the_highest_weight_on() -> None:
     for seed in range(10):
-        graph = graph_of(*random_scene(seed))
+        graph = graph_of(*random_scene(seed), qualities=dict.fromkeys(range(10), 0.9))
         ranked = sorted(graph.leaves(), key=lambda leaf: (-leaf.weight, leaf.segment.number))
         assert all(a.weight >= b.weight for a, b in pairwise(ranked))
         possible = [leaf for leaf in ranked if leaf.action is not None]
         if possible:
-            assert graph.vertex(graph.next).weight >= possible[0].weight
+            assert graph.next == possible[0].segment.number
+
+
+def test_what_is_likely_to_work_comes_first() -> None:
+    """Two overlap the target; the one that overlaps it more cannot be pushed any more."""
+    target = rectangle(0, "wineglass", (0.0, 0.0))
+    scene = target, rectangle(1, "can", (0.02, 0.0)), rectangle(2, "can", (-0.03, 0.0))
+    tries = failures(0, 2, number=1)
+    assert graph_of(*scene, qualities={1: 0.9, 2: 0.9}, tries=tries).next == 1
+    assert graph_of(*scene, qualities={1: 0.4, 2: 0.9}, tries=tries).next == 2
+    assert (
+        graph_of(*scene, qualities={1: 0.4}, tries=failures(0, 2, number=2, tries=tries)).next == 1
+    )
+
+
+def test_that_on_which_something_lies_waits() -> None:
+    target, low = rectangle(0, "wineglass", (0.0, 0.0)), rectangle(1, "can", (0.03, 0.0))
+    above = replace(rectangle(2, "can", (0.05, 0.0)), top=0.1)
+    qualities = {1: 0.9, 2: 0.9}
+    assert graph_of(target, low, above, qualities=qualities).next == 2
+    glass = replace(above, is_glass=True)  # Nobody knows how high that is.
+    turned = graph_of(target, low, glass, qualities=qualities)
+    assert turned.next == max(turned.leaves(), key=lambda leaf: leaf.weight).segment.number
 
 
 def test_what_hangs_on_a_leaf_that_cannot_be_moved_is_moved_instead() -> None:

@@ -108,7 +108,7 @@ def test_an_object_is_where_its_rays_meet_its_height(rig: Rig) -> None:
 def test_glass_is_as_high_as_it_can_be_on_what_is_seen_through_it(beneath: float) -> None:
     rig = Rig("wineglass")
     (glass,) = rig.look(1, [(104, 144)], height=beneath).segments
-    assert glass.top == pytest.approx(beneath + 0.2, abs=1e-6)
+    assert glass.top == pytest.approx(beneath + np.hypot(0.08, 0.2), abs=1e-6)
     # It is outlined as if it lay, its middle .04 m above that.
     away = 0.56 - beneath
     assert_allclose(glass.centroid, [0.5 - away / 288, away / 288], atol=1e-3)
@@ -118,7 +118,12 @@ def test_glass_is_as_high_as_it_can_be_on_what_is_seen_through_it(beneath: float
 
 @pytest.mark.parametrize(
     ("length", "top"),
-    [(0.05, 0.2), (0.12, 0.2), (0.19, 0.08 + np.sqrt(0.2**2 - 0.19**2)), (0.21, 0.08)],
+    [
+        (0.05, np.hypot(0.08, 0.2)),
+        (0.12, np.hypot(0.08, 0.2)),
+        (0.19, 0.08 + np.sqrt(0.2**2 - 0.19**2)),
+        (0.21, 0.08),
+    ],
 )
 def test_glass_that_lies_is_not_as_high_as_it_is_long(length: float, top: float) -> None:
     contour = shapely.box(0.0, 0.0, length, 0.08)

@@ -216,7 +216,7 @@ def test_taking_away_what_is_next_frees_the_target() -> None:
 
 def test_a_good_grasp_is_a_grasp_and_a_bad_one_a_push() -> None:
     scene = row(0.0, 0.05, 0.12, -0.05, -0.12)
-    graph = graph_of(*scene, qualities={1: 0.5, 2: 0.4999, 3: 7.0, 4: np.nan})
+    graph = graph_of(*scene, qualities={1: 0.7, 2: 0.6999, 3: 7.0, 4: np.nan})
     actions = {v.segment.number: v.action for v in graph.vertices}
     assert actions == {0: None, 1: GRASP, 2: PUSH, 3: GRASP, 4: PUSH}
 
@@ -225,7 +225,7 @@ def test_what_is_next_has_its_push() -> None:
     graph = graph_of(*row(0.0, 0.1))
     assert (graph.next, graph.vertex(1).action) == (1, PUSH)
     assert_allclose(graph.pushes[0].direction, [1.0, 0.0], atol=1e-12)
-    graph = graph_of(*row(0.0, 0.05), qualities={1: 0.5})
+    graph = graph_of(*row(0.0, 0.05), qualities={1: 0.7})
     assert (graph.next, graph.vertex(1).action) == (1, GRASP)
     assert graph.pushes == ()
 
@@ -288,12 +288,12 @@ def failures(grasps: int, pushes: int, number: int = 1, tries: Tries = NO_TRIES)
 @pytest.mark.parametrize(
     ("quality", "grasps", "pushes", "left"),
     [
-        (0.5, 0, 0, [GRASP, PUSH]),
-        (0.5, 1, 0, [GRASP, PUSH]),
-        (0.5, 2, 0, [PUSH]),
-        (0.5, 2, 1, [PUSH]),
-        (0.5, 2, 2, []),
-        (0.5, 0, 2, [GRASP]),
+        (0.7, 0, 0, [GRASP, PUSH]),
+        (0.7, 1, 0, [GRASP, PUSH]),
+        (0.7, 2, 0, [PUSH]),
+        (0.7, 2, 1, [PUSH]),
+        (0.7, 2, 2, []),
+        (0.7, 0, 2, [GRASP]),
         (0.05, 0, 0, [PUSH, GRASP]),
         (0.05, 0, 2, [GRASP]),
         (0.05, 2, 2, []),
@@ -310,11 +310,11 @@ def test_what_has_failed_twice_is_not_tried_again(
 
 
 def test_other_objects_failures_do_not_count() -> None:
-    assert actions_left(1, 0.5, failures(2, 2, number=2), CONFIG) == [GRASP, PUSH]
+    assert actions_left(1, 0.7, failures(2, 2, number=2), CONFIG) == [GRASP, PUSH]
 
 
 def test_an_object_whose_tries_are_used_up_is_passed_over() -> None:
-    scene, qualities = row(0.0, 0.05, -0.06), {1: 0.5, 2: 0.5}
+    scene, qualities = row(0.0, 0.05, -0.06), {1: 0.7, 2: 0.7}
     assert graph_of(*scene, qualities=qualities).next == 1
     graph = graph_of(*scene, qualities=qualities, tries=failures(2, 2))
     assert graph.next == 2

@@ -161,9 +161,11 @@ class MotionPlanner:
         world = self._world.index()
         for body in self._hand:
             self._checker.SetCollisionFilteredBetween(body, world, True)
-        yield
-        for body in self._hand:
-            self._checker.SetCollisionFilteredBetween(body, world, False)
+        try:
+            yield
+        finally:
+            for body in self._hand:
+                self._checker.SetCollisionFilteredBetween(body, world, False)
 
     def _line(self, q_start: Array, direction: Array, length: float) -> Array:
         q, still = q_start, np.zeros(len(q_start))

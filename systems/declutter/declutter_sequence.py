@@ -331,7 +331,7 @@ class DeclutterSequence(RecursiveFilter):
             moved = {step.object, *step.others}
             progress = replace(progress, steps=(*progress.steps, step))
             if step.worked:
-                tries = tries.after_success()
+                tries = tries.after_motion(self._near(state.rests, moved))
             elif step.outcome == UNREACHABLE:
                 tries = tries.out_of_reach(step.object, step.action)
             else:
@@ -339,6 +339,12 @@ class DeclutterSequence(RecursiveFilter):
         tries = replace(tries, number=scene.number)
         rests = resting_places(state.rests, scene, moved)
         return replace(state, scene=scene, rests=rests, outcome="", tries=tries, progress=progress)
+
+    def _near(self, rests: Mapping[int, Segment], moved: Collection[int]) -> set[int]:
+        """Numbers of the objects near which the moved ones have rested, these among them."""
+        gone = shapely.union_all([rests[n].contour for n in moved])
+        near = self._config.around.near
+        return {n for n, segment in rests.items() if segment.contour.distance(gone) < near}
 
     def _decide(
         self, context: Context, state: SequenceState, graph: DeclutterGraph

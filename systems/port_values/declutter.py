@@ -135,8 +135,8 @@ class Tries(Immutable):
     Attributes:
         number: Of the image up to which they were counted.
         failed: Counts by the object's number and the action.
-        hindered: Likewise of those that something in the way prevented, since the last action that
-            worked: that may have taken it away.
+        hindered: Likewise of those that something in the way prevented, since something near the
+            object was moved: that may have been it.
         unreachable: Which the arm could not even begin since then: it could not do so again.
     """
 
@@ -164,9 +164,13 @@ class Tries(Immutable):
         """After one that the arm could not even begin."""
         return replace(self, unreachable=self.unreachable | {(number, action)})
 
-    def after_success(self) -> "Tries":
-        """After an action that worked."""
-        return replace(self, hindered={}, unreachable=frozenset())
+    def after_motion(self, near: Collection[int]) -> "Tries":
+        """After something was moved near these objects, which may have been in the way."""
+        return replace(
+            self,
+            hindered={key: count for key, count in self.hindered.items() if key[0] not in near},
+            unreachable=frozenset(key for key in self.unreachable if key[0] not in near),
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -68,7 +68,9 @@ def test_failures_are_counted_by_object_and_action() -> None:
         False,
         False,
     ]
-    assert tries.after_success().may(4, grasp, 3)
+    elsewhere, here = tries.after_motion({3}), tries.after_motion({4, 5})
+    assert [elsewhere.count(3, grasp), elsewhere.may(4, grasp, 3)] == [1, False]
+    assert [here.count(3, grasp), here.may(4, grasp, 3)] == [2, True]
 
 
 def test_a_graph_without_this_object_names_those_that_it_has() -> None:

@@ -216,11 +216,10 @@ class ActionPlanner:
         for push in request.pushes:
             along = np.append(push.direction, 0.0)
             across = np.cross(_UP, along)
-            c = push.finger.centroid
             for sign in (1.0, -1.0):  # Either finger may be in front; z is down.
-                self._look(request, others, 0.0)
+                self._look(request, others, push.opening)
                 R_WE = RotationMatrix(np.column_stack([sign * along, -sign * across, -_UP]))
-                X_WE = RigidTransform(R_WE, [c.x, c.y, push.height])
+                X_WE = RigidTransform(R_WE, [*push.place, push.height])
                 for down, _ in self._ways_down(request, X_WE, guesses):
                     way = push.length + push.reach
                     pushed = self._planner.line(down[-1], along, way, hand_is_free=True)
@@ -235,7 +234,7 @@ class ActionPlanner:
                         Leg(phase=ActionPhase.PUSH, postures=pushed, speed=config.speed),
                     )
                     X = X_WE.GetAsMatrix4()
-                    plan = ActionPlan(legs=legs, opening=0.0, X_WE=X, push=push)
+                    plan = ActionPlan(legs=legs, opening=push.opening, X_WE=X, push=push)
                     yield plan, push.point[0], push.point[1]
                     break
 

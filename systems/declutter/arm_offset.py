@@ -90,7 +90,12 @@ def as_met(request: ActionRequest, offset: Array) -> ActionRequest:
         request,
         grasps=tuple(replace(grasp, X_WE=X @ grasp.X_WE) for grasp in request.grasps),
         pushes=tuple(
-            replace(push, point=push.point + offset, finger=translate(push.finger, *offset))
+            replace(
+                push,
+                point=push.point + offset,
+                place=push.place + offset,
+                finger=translate(push.finger, *offset),
+            )
             for push in request.pushes
         ),
         places=request.places + offset,

@@ -5,7 +5,9 @@ Source: section II-B.1 of the paper on active visuo-tactile perception in clutte
 push leaves the target alone, is low enough and as long as it takes. The paper's finger is a box of
 pixels that overlaps others as little as possible; ours is one of metres with a palm above it, which
 comes down where it is free. On their way finger and object may meet others, as few as possible,
-that go along and leave the target alone, too.
+that go along and leave the target alone, too. The palm juts out beyond the closed fingers; where it
+would meet something, as a high object itself, the fingers are opened: then the one in front is
+below the palm's edge, and what is high is before both.
 """
 
 from collections.abc import Sequence
@@ -17,7 +19,7 @@ from shapely.affinity import translate
 
 from crossmodal.maths.arrays import Array, Mask
 from crossmodal.maths.validation import number
-from crossmodal.models.gripper_taxels import ARRAYS, PALM, PALM_ABOVE, gripper_taxels
+from crossmodal.models.gripper_taxels import ARRAYS, PALM, PALM_ABOVE, TRAVEL, gripper_taxels
 from crossmodal.systems.declutter.segments import INNER
 from crossmodal.systems.port_values import Push, Segment
 
@@ -42,7 +44,7 @@ _TAXELS = -float(_LAYOUT.p_FS[_LAYOUT.array == ARRAYS.index("left_outer"), 2].me
 class PushConfig:
     """The finger, the push, and what an object stands."""
 
-    # Of the closed gripper's two fingers: across and along the push.
+    # Of the closed gripper's two fingers: across and along the push, one behind the other.
     width: float = number(0.027, above=0.0, at_most=0.5, unit="m")
     depth: float = number(0.028, above=0.0, at_most=0.5, unit="m")
     # Free way of the finger before it meets the object, which may be nearer than it seems: two
@@ -123,7 +125,7 @@ def push_height(segment: Segment, direction: Array, config: PushConfig) -> float
 
 
 def finger_places(
-    segment: Segment, direction: Array, offsets: Array, config: PushConfig
+    segment: Segment, direction: Array, offsets: Array, config: PushConfig, opening: float = 0.0
 ) -> tuple[Array, Array]:
     """Where the finger pushes and where it stands before, for those lines that meet the object.
 
@@ -132,6 +134,7 @@ def finger_places(
         direction: Of the push (2,), a unit vector.
         offsets: Of the finger's middle to the left of the line through the centroid (N,), [m].
         config: Of the push.
+        opening: Of each finger, [m]. At zero both count as one, else it is the one in front.
 
     Returns:
         The hindmost points (P, 2) of the contour on the finger's lines along the push, and the
@@ -147,7 +150,8 @@ def finger_places(
     wide = shapely.intersection(own, shapely.box(back, right, front, left))
     rear = shapely.bounds(wide)[:, 0] - config.gap
     points = segment.centroid + np.column_stack([hindmost, offsets]) @ frame
-    return points, np.column_stack([rear - config.depth, right, rear, left])
+    depth = 0.5 * config.depth if opening else config.depth
+    return points, np.column_stack([rear - depth, right, rear, left])
 
 
 def rectangles(segment: Segment, direction: Array, edges: Array) -> Array:
@@ -252,11 +256,12 @@ def hand_heights(
     fingers: Array,
     ways: Array,
     config: PushConfig,
+    opening: float = 0.0,
 ) -> Array:
     """Least heights (N,) of the fingers' ends above the table [m] at which the palm meets nothing.
 
-    Infinite, where the finger meets another object before its own one, and where the palm would be
-    above another one whose height is not known.
+    Infinite, where the finger meets another object before its own one, where the other finger meets
+    any, and where the palm would be above one whose height is not known.
 
     Args:
         segment: To be pushed.
@@ -265,11 +270,15 @@ def hand_heights(
         fingers: Edges of the finger where it comes down (N, 4), see `rectangles`.
         ways: Of the finger (N,), [m].
         config: With the distance between palm and objects.
+        opening: Of each finger, [m].
     """
     contours = _contours(others)
     tops = np.nan_to_num([other.top for other in others], nan=np.inf)
     along, across = 0.5 * np.array(PALM)
-    palms = 0.5 * (fingers + fingers[:, [2, 3, 0, 1]]) + [-along, -across, along, across]
+    right, front, left = fingers[:, 1:].T
+    middle = front - opening - 0.5 * config.depth
+    sides = 0.5 * (right + left)
+    palms = np.column_stack([middle - along, sides - across, middle + along, sides + across])
     # The object goes ahead of the finger: what the palm is above, it is above all the way.
     below = _swept_meets(segment, direction, palms, ways, contours)
     highest = np.where(below, tops, 0.0).max(axis=1, initial=0.0)
@@ -279,6 +288,10 @@ def hand_heights(
     least = np.maximum(config.lowest, highest + config.above - PALM_ABOVE)
     gaps = np.full(len(fingers), config.gap)
     meets = _swept_meets(segment, direction, fingers, gaps, contours).any(axis=1)
+    if opening:
+        behind = front - 2.0 * opening - 0.5 * config.depth  # Front of the other finger.
+        other = np.column_stack([behind - 0.5 * config.depth, right, behind, left])
+        meets |= _swept_meets(segment, direction, other, ways, contours).any(axis=1)
     return np.asarray(np.where(meets, np.inf, least))
 
 
@@ -337,6 +350,24 @@ def _push(
     is_beside: bool,
     config: PushConfig,
 ) -> Push:
+    """One with closed fingers, with opened ones if something else is met, or why there is none."""
+    for opening in (0.0, TRAVEL):
+        push = _push_opened(segment, others, target, direction, wanted, is_beside, config, opening)
+        if push.why != MEETS:
+            break
+    return push
+
+
+def _push_opened(
+    segment: Segment,
+    others: Sequence[Segment],
+    target: Segment,
+    direction: Array,
+    wanted: float,
+    is_beside: bool,
+    config: PushConfig,
+    opening: float,
+) -> Push:
     """The longest one, up to the wanted length [m], or one that says why there is none."""
     safe = push_height(segment, direction, config)
     topples = safe < config.lowest and not segment.top <= config.low
@@ -349,7 +380,7 @@ def _push(
     # What is round is widest there, and is felt in the middle of the outer taxels.
     widest = 0.5 * np.nan_to_num(segment.top) - _TAXELS
     offsets = _offsets(segment, is_beside, config)
-    points, places = finger_places(segment, direction, offsets, config)
+    points, places = finger_places(segment, direction, offsets, config, opening)
     if not len(places):
         return Push(why=SWEEPS)
     levers = [lever(0.5 * (right + left), config.width) for _, right, _, left in places]
@@ -365,7 +396,7 @@ def _push(
     alone = shapely.distance(passed, target.contour) >= config.clearance
     if not alone.any():
         return Push(why=SWEEPS)
-    least = hand_heights(segment, others, direction, fingers, ways, config)
+    least = hand_heights(segment, others, direction, fingers, ways, config, opening)
     possible = np.flatnonzero(alone & (least <= safe))
     if not len(possible):
         return Push(why=MEETS)
@@ -393,8 +424,12 @@ def _push(
             spared(outlines_on_the_way(o, direction, 0.0, along), target, config.clearance)[-1]
             for o in moved
         ):
+            _, right, front, left = fingers[best]
+            middle = [front - opening - 0.5 * config.depth, 0.5 * (right + left)]
             return Push(
                 point=points[place[best]],
+                place=segment.centroid + middle @ _frame(direction),
+                opening=opening,
                 direction=direction,
                 length=float(lengths[which[best]]),
                 reach=float(-fingers[best, 2]),

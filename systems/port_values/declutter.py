@@ -186,7 +186,9 @@ class Push(Immutable):
         reach: Way of the finger to beside the object's middle, [m]; what it has not met by then is
             not where it seems to be.
         height: Of the fingers' ends above the table, [m].
-        finger: The rectangle in which the finger comes down, in W, [m].
+        place: Where the middle of the fingers comes down (2,), in W, [m].
+        opening: Of each finger, [m].
+        finger: The rectangle in which the finger comes down that pushes, in W, [m].
         meets: Numbers of the others that finger or object meet on the way, and take along.
         topples: Whether the object may fall over, ahead.
         lever: By which it passes the object's middle on the left and turns it, [m].
@@ -198,6 +200,8 @@ class Push(Immutable):
     length: float = np.nan
     reach: float = np.nan
     height: float = np.nan
+    place: Array = unknown(2)
+    opening: float = 0.0
     finger: shapely.Geometry = _NOTHING
     meets: tuple[int, ...] = ()
     topples: bool = False

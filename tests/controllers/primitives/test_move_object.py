@@ -67,6 +67,7 @@ PUSH = ActionRequest(
             length=0.1,
             reach=0.03,
             height=0.03,
+            place=AT - [0.0, GAP + 0.014],
             finger=shapely.box(AT[0] - 0.0135, AT[1] - GAP - 0.028, AT[0] + 0.0135, AT[1] - GAP),
         ),
     ),

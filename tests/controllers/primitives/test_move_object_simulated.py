@@ -1,5 +1,7 @@
 """Objects that are grasped and pushed in the simulated station, and where they truly end."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import shapely
@@ -11,6 +13,7 @@ from crossmodal.controllers.arm.motion_planner import box_vertices
 from crossmodal.controllers.primitives.arm_task import TransitConfig
 from crossmodal.controllers.primitives.move_object_config import GripConfig, MoveObjectConfig
 from crossmodal.maths.arrays import Array
+from crossmodal.models.gripper_taxels import TRAVEL
 from crossmodal.systems.port_values import ActionRequest, DeclutterAction, Grasp, Push
 
 CAN, BOX = RigidTransform([0.6, -0.1, 0.0]), RigidTransform([0.6, 0.03, 0.0])
@@ -36,11 +39,19 @@ PUSH = ActionRequest(
             length=0.1,
             reach=0.03,
             height=0.03,
+            place=np.array([0.548, -0.1]),
             finger=shapely.box(0.534, -0.1135, 0.562, -0.0865),
         ),
     ),
     top=0.115,
     obstacles=(BOXED,),
+)
+# The finger in front is where both are above.
+OPENED = replace(
+    PUSH,
+    pushes=(
+        replace(PUSH.pushes[0], place=np.array([0.562 - 0.014 - TRAVEL, -0.1]), opening=TRAVEL),
+    ),
 )
 SIDES = np.array([[0.633, -0.1], [0.567, -0.1]])  # Of the can, along x.
 QUICK = TransitConfig(speed=1.0, joint_speed=1.0, rest_time=0.1)
@@ -56,10 +67,11 @@ def upright(X_WO: RigidTransform) -> float:
     [
         (GRASP, GripConfig(), "placed", (0.08, -0.1), SIDES + np.array([0.08, -0.1])),
         (PUSH, GripConfig(), "pushed", (0.1, 0.0), SIDES[1:] + np.array([0.1, 0.0])),
+        (OPENED, GripConfig(), "pushed", (0.1, 0.0), SIDES[1:] + np.array([0.1, 0.0])),
         # Twice 2 N at a friction of .53 do not bear its 3.4 N, and it is not held more tightly.
         (GRASP, GripConfig(force=2.0, load=2.0), "slipped", (0.0, 0.0), SIDES[:0]),
     ],
-    ids=["grasp", "push", "slip"],
+    ids=["grasp", "push", "opened push", "slip"],
 )
 def test_a_can_is_moved_upright_and_a_box_beside_it_is_not(
     wanted: ActionRequest,

@@ -156,6 +156,7 @@ def test_a_request_is_displaced_as_a_whole() -> None:
         point=np.array([0.1, 0.2]),
         direction=np.array([1.0, 0.0]),
         length=0.1,
+        place=np.array([0.0, 0.2]),
         finger=shapely.box(0.0, 0.0, 1.0, 1.0),
     )
     request = ActionRequest(
@@ -169,6 +170,7 @@ def test_a_request_is_displaced_as_a_whole() -> None:
     met = as_met(request, np.array([0.01, -0.02]))
     assert_allclose(met.grasps[0].X_WE[:3, 3], [0.01, -0.02, 0.0])
     assert_allclose(met.pushes[0].point, [0.11, 0.18])
+    assert_allclose(met.pushes[0].place, [0.01, 0.18])
     assert_allclose(met.pushes[0].direction, push.direction)
     assert_allclose(met.pushes[0].finger.bounds, [0.01, -0.02, 1.01, 0.98])
     assert_allclose(met.places, [[0.51, -0.02]])

@@ -13,6 +13,7 @@ from numpy.testing import assert_allclose
 from shapely.affinity import scale, translate
 
 from crossmodal.maths.arrays import Array
+from crossmodal.models.gripper_taxels import THICKNESS, TRAVEL
 from crossmodal.systems.declutter.push import (
     PushConfig,
     away_from_clutter,
@@ -195,10 +196,26 @@ def test_a_palm_passes_over_things_or_they_are_met() -> None:
             assert push.height == pytest.approx(max(top + 0.01 - 0.118, 0.05 - 0.0195), abs=1e-3)
 
 
-def test_a_hand_whose_object_is_higher_than_its_palm_does_not_push() -> None:
+def test_what_is_higher_than_the_palm_is_pushed_by_opened_fingers() -> None:
     pushed, target = rectangle(0, "can", (0.1, 0.0), (0.06, 0.06)), rectangle(1, "", (0.0, 0.0))
-    assert plan_push(replace(pushed, top=0.13), [target], target, CONFIG).why == ""
-    assert plan_push(replace(pushed, top=0.2), [target], target, CONFIG).why
+    closed = plan_push(replace(pushed, top=0.13), [target], target, CONFIG)
+    assert (closed.why, closed.opening) == ("", 0.0)
+    assert_allclose(closed.place, shapely.get_coordinates(closed.finger.centroid)[0], atol=1e-12)
+    high = replace(pushed, top=0.2)
+    push = plan_push(high, [target], target, CONFIG)
+    assert (push.why, push.opening) == ("", TRAVEL)
+    # The finger in front stands where the closed ones would, but is half as deep.
+    front = (shapely.get_coordinates(push.finger) - high.centroid) @ push.direction
+    assert np.ptp(front) == pytest.approx(THICKNESS)
+    ahead = float((push.place - high.centroid) @ push.direction)
+    assert front.max() == pytest.approx(ahead + TRAVEL + THICKNESS)
+    # The palm's edge is above it, and the other finger behind must have room.
+    behind = push.place - (TRAVEL + 0.5 * THICKNESS) * push.direction
+    wall = replace(rectangle(2, "box", tuple(behind), (0.01, 0.2)), top=0.02)
+    config = replace(CONFIG, largest_turn=0.0)
+    others = [target, wall, *300 * [target]]  # So many that the wall turns nothing.
+    assert plan_push(high, others[:1], target, config).why == ""
+    assert plan_push(high, others, target, config).why == "every push meets something else"
 
 
 def test_what_would_topple_is_not_pushed_if_nobody_knows_how_high_it_is() -> None:

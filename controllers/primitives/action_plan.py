@@ -147,7 +147,7 @@ class ActionPlanner:
     def _grasps(
         self, request: Any, guesses: list[Array], others: dict[str, Array]
     ) -> Iterator[tuple[ActionPlan, float, float]]:
-        for grasp in request.grasps:
+        for grasp in request.grasps if len(request.places) else ():
             opening = min(0.5 * grasp.width, TRAVEL)
             for turn in (0.0, np.pi):  # The gripper is symmetric.
                 X_WE = RigidTransform(grasp.X_WE) @ RigidTransform(
@@ -182,7 +182,7 @@ class ActionPlanner:
         config = self._config
         failed = list[Array]()
         heights = np.maximum(config.lift, request.passed + config.above)
-        highest = self._planner.line(q, _UP, max(heights, default=0.0), hand_is_free=True)
+        highest = self._planner.line(q, _UP, heights.max(), hand_is_free=True)
         possible = heights < self._planner.length(highest) + _SHORT
         for place, height in zip(request.places[possible], heights[possible], strict=True):
             if any(np.linalg.norm(place - other) < _BESIDE for other in failed):

@@ -318,7 +318,10 @@ def plan_pushes(
             c, s = np.cos(turn), np.sin(turn)
             direction = np.array([[c, -s], [s, c]]) @ away
             wanted = push_length(segment, others, target, direction, config)
-            push = _push(segment, others, target, direction, wanted, is_beside, config)
+            for opening in (0.0, TRAVEL):  # Fingers are opened where closed ones meet something.
+                push = _push(segment, others, target, direction, wanted, is_beside, opening, config)
+                if push.why != MEETS:
+                    break
             if push.why and not is_beside:
                 failures.add(push.why)
             elif not push.why:
@@ -348,25 +351,8 @@ def _push(
     direction: Array,
     wanted: float,
     is_beside: bool,
-    config: PushConfig,
-) -> Push:
-    """One with closed fingers, with opened ones if something else is met, or why there is none."""
-    for opening in (0.0, TRAVEL):
-        push = _push_opened(segment, others, target, direction, wanted, is_beside, config, opening)
-        if push.why != MEETS:
-            break
-    return push
-
-
-def _push_opened(
-    segment: Segment,
-    others: Sequence[Segment],
-    target: Segment,
-    direction: Array,
-    wanted: float,
-    is_beside: bool,
-    config: PushConfig,
     opening: float,
+    config: PushConfig,
 ) -> Push:
     """The longest one, up to the wanted length [m], or one that says why there is none."""
     safe = push_height(segment, direction, config)

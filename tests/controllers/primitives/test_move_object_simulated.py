@@ -46,7 +46,7 @@ PUSH = ActionRequest(
     top=0.115,
     obstacles=(BOXED,),
 )
-# The finger in front is where both are above.
+# With opened fingers, of which the front one stands as near to the can as the closed ones above.
 OPENED = replace(
     PUSH,
     pushes=(

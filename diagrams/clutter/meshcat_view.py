@@ -220,7 +220,8 @@ class MeshcatView(LeafSystem):
         measurement = values.get("pose_measurement", NO_MEASUREMENT)
         view, touch = values.get("view_latest", NO_VIEW), values.get("touch_latest", NO_TOUCH)
         self._measured.draw(time, measurement)
-        self._views.draw(time, view, values.get("grid_latest", NO_GRID), over=touch != NO_TOUCH)
+        over = touch.number > 0 or touch.done
+        self._views.draw(time, view, values.get("grid_latest", NO_GRID), over)
         self._touches.draw(time, touch)
         for name, belief in beliefs.items():
             self._layers[name].draw(time, belief)

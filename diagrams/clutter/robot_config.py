@@ -12,6 +12,7 @@ from crossmodal.plants.robots.ur5 import UR5_WITH_GRIPPER
 from crossmodal.systems.declutter.arm_offset import ArmOffsetConfig
 from crossmodal.systems.grasping.grasp_planner import GraspPlannerConfig
 from crossmodal.systems.pose.target_view import TargetViewConfig
+from crossmodal.systems.registration.arm_registration import ArmRegistrationConfig
 from crossmodal.systems.segmentation.segmenter import SegmenterConfig
 from crossmodal.systems.sensors.finger_encoders import FingerEncodersConfig
 from crossmodal.systems.sensors.joint_encoders import JointEncodersConfig, joint_side_encoders
@@ -43,6 +44,7 @@ class PerceptionConfig:
     view: TargetViewConfig = field(default_factory=TargetViewConfig)
     segmenter: SegmenterConfig = field(default_factory=SegmenterConfig)
     grasps: GraspPlannerConfig = field(default_factory=GraspPlannerConfig)
+    registration: ArmRegistrationConfig = field(default_factory=ArmRegistrationConfig)
     arm_offset: ArmOffsetConfig = field(default_factory=ArmOffsetConfig)
     # By how much a touch moves the object, as it is believed; the standard deviation. In the two
     # decisions that it takes to stop, the arm goes on by 0.25 mm at 25 mm/s.

@@ -2,7 +2,8 @@
 
 Camera and arm are each mounted some millimetres and tenths of a degree from where they are believed
 to be. Over a table both errors together hardly differ from place to place: they are one
-displacement in the table's plane. What the arm meets while it works tells it.
+displacement in the table's plane. A look at the arm tells most of it, what it meets while it works
+the rest.
 """
 
 from dataclasses import dataclass, replace
@@ -15,6 +16,7 @@ from scipy.special import ndtr
 from shapely.affinity import translate
 
 from crossmodal.maths.arrays import Array
+from crossmodal.maths.immutable import Immutable
 from crossmodal.maths.validation import check, number
 from crossmodal.systems.port_values import (
     NO_OFFSET,
@@ -104,10 +106,21 @@ def as_met(request: ActionRequest, offset: Array) -> ActionRequest:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Belief:
-    """Density (N,) over the grid, and of which action and image the contacts were counted last."""
+class OffsetBelief(Immutable):
+    """A density over a grid, and of which action and image the contacts were counted last.
 
+    Attributes:
+        offsets: Of the grid (N, 2), [m].
+        density: (N,).
+        view: Number of the view of the arm with which it has begun; -1 before.
+        action: Number of the action.
+        image: Number of the image.
+        offset: What is reported of it.
+    """
+
+    offsets: Array
     density: Array
+    view: int = -1
     action: int = 0
     image: int = 0
     offset: ArmOffset = NO_OFFSET
@@ -120,6 +133,8 @@ class ArmOffsetFilter(RecursiveFilter):
     there, and often by itself.
 
     Input ports:
+    - `arm_offset_seen`: `ArmOffset` by a look at the arm, with which it begins anew when the number
+      of its view rises.
     - `segments`: `Segments` of the last image, whose number tells that it is new; places in W as
       the camera has them, [m].
     - `action_end`: how the last action ended, with `number` and `contacts` (K, 3): x and y of the
@@ -127,38 +142,33 @@ class ArmOffsetFilter(RecursiveFilter):
 
     Output ports:
     - `arm_offset`: `ArmOffset` of the last tick, from the state alone.
+
+    State: `OffsetBelief`.
+
+    Args:
+        config: Of the outlines.
+        period: Of the ticks, [s].
+
+    Raises:
+        ValueError: for an impossible configuration.
     """
 
-    def __init__(self, covariance: Array, config: ArmOffsetConfig, period: float) -> None:
-        """Makes the filter.
-
-        Args:
-            covariance: Of the offset before anything was met (2, 2), [m^2].
-            config: Of the outlines.
-            period: Of the ticks, [s].
-
-        Raises:
-            ValueError: for an impossible configuration, and for a covariance that is none.
-        """
+    def __init__(self, config: ArmOffsetConfig, period: float) -> None:
         super().__init__()
         check(config, "ArmOffsetFilter")
         self._config = config
-        try:
-            root = np.linalg.cholesky(covariance)
-        except np.linalg.LinAlgError as error:
-            why = f"covariance = {covariance.tolist()} m^2 is not positive definite"
-            raise ValueError(f"ArmOffsetFilter: {why}") from error
-        axis = np.linspace(-_REACH, _REACH, _CELLS)
-        deviations = np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)
-        self._offsets = deviations @ root.T
-        density = np.exp(-0.5 * np.square(deviations).sum(axis=1))
+        self._seen = self._declare_value_input("arm_offset_seen", NO_OFFSET)
         self._segments = self._declare_value_input("segments", NO_SEGMENTS)
         self._end = self._declare_value_input("action_end", object())
-        self._declare_recursion(self._belief(density), self._calc, period)
+        nothing = OffsetBelief(offsets=np.zeros((1, 2)), density=np.ones(1))
+        self._declare_recursion(nothing, self._calc, period)
         self._declare_latest("arm_offset", lambda belief: belief.offset)
 
-    def _calc(self, context: Context, belief: Any) -> _Belief:
-        before: _Belief = belief
+    def _calc(self, context: Context, belief: Any) -> OffsetBelief:
+        before: OffsetBelief = belief
+        seen: ArmOffset = self._read(self._seen, context)
+        if seen.view > before.view:
+            before = _as_seen(before, seen)
         end, scene = self._read(self._end, context), self._read(self._segments, context)
         if scene.number == before.image:
             return before
@@ -166,17 +176,29 @@ class ArmOffsetFilter(RecursiveFilter):
             return replace(before, image=scene.number)
         density = before.density
         for contact in end.contacts:
-            density = density * likelihood(contact, self._offsets, scene, self._config)
-        return self._belief(density, end.number, scene.number)
-
-    def _belief(self, density: Array, action: int = 0, image: int = 0) -> _Belief:
+            density = density * likelihood(contact, before.offsets, scene, self._config)
         density = density / density.sum()
-        mean = density @ self._offsets
-        away = self._offsets - mean
+        mean = density @ before.offsets
+        away = before.offsets - mean
         covariance = (density[:, None] * away).T @ away
-        return _Belief(
+        return replace(
+            before,
             density=density,
-            action=action,
-            image=image,
-            offset=ArmOffset(mean=mean, covariance=covariance),
+            action=end.number,
+            image=scene.number,
+            offset=replace(before.offset, mean=mean, covariance=covariance),
         )
+
+
+def _as_seen(belief: OffsetBelief, seen: ArmOffset) -> OffsetBelief:
+    """A grid over what was seen, with its normal distribution."""
+    axis = np.linspace(-_REACH, _REACH, _CELLS)
+    deviations = np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)
+    density = np.exp(-0.5 * np.square(deviations).sum(axis=1))
+    return replace(
+        belief,
+        offsets=seen.mean + deviations @ np.linalg.cholesky(seen.covariance).T,
+        density=density / density.sum(),
+        view=seen.view,
+        offset=seen,
+    )

@@ -77,6 +77,7 @@ class DeclutterSequenceConfig:
 class DeclutterPhase(StrEnum):
     """What is done."""
 
+    ARM = "looks at the arm"
     LOOK = "looks at the table"
     CLEAR = "clears the way"
     POSE = "finds the target"
@@ -200,8 +201,8 @@ class DeclutterSequence(RecursiveFilter):
     - `segments`: `Segments` of the last image; places in W, [m].
     - `grasps`: `Grasps` of an image.
     - `declutter_graph`: `DeclutterGraph` of an image.
-    - `arm_offset`: `ArmOffset`, by which requests are displaced. May stay unconnected, then by
-      nothing.
+    - `arm_offset`: `ArmOffset`, by which requests are displaced, with the number of the view that
+      has shown the arm. May stay unconnected, then by nothing.
     - `action_end`: how the last action ended, with `number` and `outcome`.
     - `unreachable`: (1,) number of the last view that the camera cannot get to.
     - `view_planned`: `ViewRequest` for the target's pose, numbered from one on.
@@ -227,6 +228,7 @@ class DeclutterSequence(RecursiveFilter):
         table: ViewRequest,
         config: DeclutterSequenceConfig,
         period: float,
+        X_WArmView: Array | None = None,
     ) -> None:
         """Makes the sequence.
 
@@ -239,6 +241,8 @@ class DeclutterSequence(RecursiveFilter):
             table: With the box in which all objects are, around which the camera goes.
             config: Of the sequence.
             period: Of the ticks, [s].
+            X_WArmView: X_WC (4, 4) from which the arm is looked at once, before all else; None if
+                it is not.
         """
         super().__init__()
         check(config, "DeclutterSequence")
@@ -247,7 +251,7 @@ class DeclutterSequence(RecursiveFilter):
         self._target, self._config = target, config
         self._middle, self._edges = middle, edges
         self._height = height
-        self._places, self._table = tuple(places), table
+        self._places, self._table, self._X_WArmView = tuple(places), table, X_WArmView
         self._segments = self._declare_value_input("segments", NO_SEGMENTS)
         self._grasps = self._declare_value_input("grasps", NO_GRASPS)
         self._graph = self._declare_value_input("declutter_graph", NO_GRAPH)
@@ -274,6 +278,12 @@ class DeclutterSequence(RecursiveFilter):
                 return self._look(replace(state, outcome=str(end.outcome)))
             # What is not possible has ended by now; for anything else the camera leaves.
             return replace(state, view=replace(state.view, home=True))
+        if state.looks == 0 and self._X_WArmView is not None:
+            view = replace(self._table, number=1, X_WC=self._X_WArmView)
+            return replace(state, phase=DeclutterPhase.ARM, looks=1, view=view)
+        if state.phase is DeclutterPhase.ARM:
+            seen = self._arm_offset(context).view, int(self._read(self._unreachable, context)[0])
+            return self._look(state) if state.view.number in seen else state
         if state.looks == 0:
             return self._look(state)
         if self._read(self._unreachable, context)[0] == state.view.number:
@@ -287,6 +297,10 @@ class DeclutterSequence(RecursiveFilter):
         if graph.number == scene.number > state.decided:
             return self._decide(context, replace(state, decided=scene.number), graph)
         return state
+
+    def _arm_offset(self, context: Context) -> ArmOffset:
+        found: ArmOffset = self._read_optional(self._offset, context) or NO_OFFSET
+        return found
 
     def _look(self, state: SequenceState) -> SequenceState:
         number, X_WC = state.looks + 1, self._places[state.place].copy()
@@ -388,8 +402,7 @@ class DeclutterSequence(RecursiveFilter):
             top=vertex.segment.top,
             obstacles=bodies_around(others, self._height, self._config.around),
         )
-        offset: ArmOffset = self._read_optional(self._offset, context) or NO_OFFSET
-        request = as_met(request, offset.mean)
+        request = as_met(request, self._arm_offset(context).mean)
         return replace(
             state, phase=DeclutterPhase.CLEAR, request=request, sides=0, unseen=0, centred=0
         )

@@ -315,10 +315,12 @@ class ArmOffset(Immutable):
     Attributes:
         mean: (2,), [m].
         covariance: (2, 2), [m^2].
+        view: Number of the last view that has shown the arm; zero before.
     """
 
     mean: Array = field(default_factory=lambda: np.zeros(2))
     covariance: Array = field(default_factory=lambda: np.zeros((2, 2)))
+    view: int = 0
 
 
 @dataclass(frozen=True, kw_only=True)

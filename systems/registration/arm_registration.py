@@ -1,7 +1,7 @@
 """By how much a camera and the arms that it sees are displaced against each other."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from pydrake.systems.framework import Context
@@ -84,7 +84,7 @@ class RegistrationState(Immutable):
     moment: Array
     mean: Array
     covariance: Array
-    belief: DisplacementBelief
+    belief: DisplacementBelief = field(default_factory=lambda: unknown_displacements(()))
 
 
 class ArmRegistration(RecursiveFilter):
@@ -142,12 +142,9 @@ class ArmRegistration(RecursiveFilter):
             name: self._declare_value_input(f"{name}_joint_state_window", no_samples(2 * n))
             for name, n in counts.items()
         }
-        initial = RegistrationState(
-            noise=config.first_noise,
-            information=np.zeros((size, size)),
-            moment=np.zeros(size),
-            mean=np.zeros(size),
-            covariance=np.zeros((size, size)),
+        initial = replace(
+            before_images(np.zeros(3), size, config),
+            p_WQ=None,
             belief=unknown_displacements((CAMERA, *arms)),
         )
         self._declare_recursion(initial, self._calc_state, config.period)
@@ -196,27 +193,12 @@ class ArmRegistration(RecursiveFilter):
         depth: Array,
         time: float,
     ) -> RegistrationState:
-        config, view = self._config, self._view
-        assert state.p_WQ is not None
-        image = view.Render(q)
-        points = surface(image, view.X_WC, config.bend)
-        own = np.any([view.bodies(name) for name in self._arms], axis=0)[points.body]
-        points = type(points)(*[values[own] for values in points])
-        rows = displacement_rows(points, view, joints, self._unknowns, state.p_WQ)
-        prior = np.linalg.inv(
-            prior_covariance(self._unknowns, state.p_WQ, self._camera, self._arms)
+        found = after_image(
+            state, q, joints, depth, self._view, self._camera, self._arms, self._config
         )
-        before = state
-        for _ in range(config.rounds if state.images == 0 else 1):
-            seen = match(
-                points, rows, state.mean, depth, self._camera.intrinsics.vector(), view.X_WC
-            )
-            seen = gated(seen, state, config.gate)
-            if len(seen.residual) < config.least_points:
-                return replace(before, time=time)
-            share = depth.size / image.depth.size
-            state = fit(before, state, seen, np.asarray(prior, dtype=float), share, config)
-        state = replace(state, images=before.images + 1, time=time)
+        if found is None:
+            return replace(state, time=time)
+        state = replace(found, time=time)
         return replace(state, belief=self._tell(state, joints))
 
     def _tell(self, state: RegistrationState, joints: Mapping[str, Joints]) -> DisplacementBelief:
@@ -228,6 +210,60 @@ class ArmRegistration(RecursiveFilter):
             mean=J @ state.mean,
             covariance=J @ state.covariance @ J.T,
         )
+
+
+def before_images(p_WQ: Array, size: int, config: ArmRegistrationConfig) -> RegistrationState:
+    """The state before any image, for so many unknowns."""
+    return RegistrationState(
+        p_WQ=p_WQ,
+        noise=config.first_noise,
+        information=np.zeros((size, size)),
+        moment=np.zeros(size),
+        mean=np.zeros(size),
+        covariance=np.zeros((size, size)),
+    )
+
+
+def after_image(
+    state: RegistrationState,
+    q: Mapping[str, Array],
+    joints: Mapping[str, Joints],
+    depth: Array,
+    view: RobotView,
+    camera: DepthCamera,
+    arms: Mapping[str, CalibratedArm],
+    config: ArmRegistrationConfig,
+) -> RegistrationState | None:
+    """The state after one more image; None if that shows too little of the arms.
+
+    Args:
+        state: Before.
+        q: Joint positions (n,) of each arm, [rad].
+        joints: Likewise, by `RobotView.Pose`.
+        depth: Measured (H, W), [m]; 0, NaN and infinity are no return.
+        view: Of the robot's own model.
+        camera: As believed.
+        arms: Likewise.
+        config: Of the registration.
+    """
+    assert state.p_WQ is not None
+    unknowns = place_unknowns({name: len(arm.joint_offset_std) for name, arm in arms.items()})
+    image = view.Render(q)
+    points = surface(image, view.X_WC, config.bend)
+    own = np.any([view.bodies(name) for name in arms], axis=0)[points.body]
+    points = type(points)(*[values[own] for values in points])
+    rows = displacement_rows(points, view, joints, unknowns, state.p_WQ)
+    known = prior_covariance(unknowns, state.p_WQ, camera, arms)
+    prior = np.asarray(np.linalg.inv(known), dtype=float)
+    before, state = state, replace(state, covariance=known) if state.images == 0 else state
+    for _ in range(config.rounds if before.images == 0 else 1):
+        seen = match(points, rows, state.mean, depth, camera.intrinsics.vector(), view.X_WC)
+        seen = gated(seen, state, config.gate)
+        if len(seen.residual) < config.least_points:
+            return None
+        share = depth.size / image.depth.size
+        state = fit(before, state, seen, prior, share, config)
+    return replace(state, images=before.images + 1)
 
 
 def gated(seen: Matches, state: RegistrationState, gate: float) -> Matches:

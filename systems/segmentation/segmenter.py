@@ -205,6 +205,7 @@ class Segmenter(RecursiveFilter):
         edges: Of the bounding boxes of objects of the classes (3,), by the classes' names, [m].
         config: Of objects.
         period: Of the ticks, [s].
+        skipped: So many views at first are not of the table.
 
     Raises:
         ValueError: for an impossible configuration.
@@ -219,6 +220,7 @@ class Segmenter(RecursiveFilter):
         edges: Mapping[str, Array],
         config: SegmenterConfig,
         period: float,
+        skipped: int = 0,
     ) -> None:
         super().__init__()
         check(config, "Segmenter")
@@ -232,7 +234,7 @@ class Segmenter(RecursiveFilter):
         )
         self._mask = self._declare_value_input("robot_mask", ImageGrey8U())
         self._looked = self.DeclareVectorInputPort("looked", 1)
-        self._declare_recursion(SegmenterState(), self._calc, period)
+        self._declare_recursion(SegmenterState(looked=skipped), self._calc, period)
         self._declare_latest("segments", lambda state: state.segments)
         self._declare_latest("object_masks", lambda state: state.masks)
 

@@ -1,5 +1,6 @@
 """What clears the way to the object: segmentation, grasps, graph, sequence and actions."""
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,9 +16,13 @@ from crossmodal.controllers.primitives.move_object import MoveObject
 from crossmodal.diagrams.clutter.robot_config import CAMERA_ARM, GRIPPER, TOUCH_ARM, TOUCHER
 from crossmodal.diagrams.clutter.scenario import target_name
 from crossmodal.diagrams.clutter.station.believed_arms import BelievedArms
-from crossmodal.diagrams.clutter.station.robot_sensors import RobotSensors
+from crossmodal.diagrams.clutter.station.robot_sensors import (
+    RobotSensors,
+    believed_depth_camera,
+    calibrated_arm,
+    touch_arm_view,
+)
 from crossmodal.diagrams.clutter.station.wiring import StationWiring
-from crossmodal.diagrams.run.calibration import Calibration
 from crossmodal.diagrams.stations.drives import add_drives, follow
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
@@ -28,6 +33,7 @@ from crossmodal.systems.declutter.declutter_sequence import DeclutterSequence
 from crossmodal.systems.grasping.grasp_planner import GraspPlanner
 from crossmodal.systems.port_values import ViewRequest
 from crossmodal.systems.pose.target_model import TargetModel
+from crossmodal.systems.registration.seen_arm import LookedAt, SeenArm
 from crossmodal.systems.segmentation.network_input import CLASSES, OTHER
 from crossmodal.systems.segmentation.objects import load_network
 from crossmodal.systems.segmentation.segmenter import Segmenter
@@ -38,6 +44,9 @@ _DISTANCE = 0.7  # From which all of the table is looked at, [m].
 _ELEVATIONS, _AZIMUTHS = (80.0, 65.0, 50.0), (180.0, 150.0, -150.0, 120.0, -120.0, 90.0, -90.0)
 _PLACES = 3
 _JOINTS = 5e-4  # By which the zeros of an arm's joints displace its hand, [m].
+# Sides and heights from which the other arm is looked at, tried in this order, [deg], and from how
+# far: the camera measures nothing nearer than .4 m.
+_ARM_ELEVATIONS, _ARM_DISTANCE = (40.0, 20.0, 0.0), 0.55
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,11 +55,13 @@ class DeclutterControl:
 
     Attributes:
         segmenter: Says what is on the table.
+        seen_arm: Says by how much the arm meets things beside where they are seen.
         sequence: Says what is done.
         move: Moves objects.
     """
 
     segmenter: Segmenter
+    seen_arm: SeenArm
     sequence: DeclutterSequence
     move: MoveObject
 
@@ -76,6 +87,7 @@ def add_declutter_control(
     low, high = scenario.sequence.around.corners
     region = shapely.box(*low, *high)
     table = _table_box(region, height)
+    places, X_WArmView = _places(arms, table), _arm_view(arms, table)
     add = builder.AddNamedSystem
     segmenter = add(
         "segmenter",
@@ -87,14 +99,26 @@ def add_declutter_control(
             {name: np.ptp(mesh_vertices(name), axis=0) for name in CLASSES[1:] if name != OTHER},
             perception.segmenter,
             period,
+            skipped=0 if X_WArmView is None else 1,
         ),
     )
     grasps = add("grasp_planner", GraspPlanner(height, perception.grasps, period))
     name = target_name(scenario)
     graph = add("declutter_planner", DeclutterPlanner(name, scenario.declutter, period))
-    places = _places(arms, table)
-    prior = offset_covariance(wiring.calibration, places[0], table.X_WB[:3, 3])
-    offset = add("arm_offset", ArmOffsetFilter(prior, perception.arm_offset, period))
+    offset = add("arm_offset", ArmOffsetFilter(perception.arm_offset, period))
+    seen_arm = add(
+        "seen_arm",
+        SeenArm(
+            1,
+            LookedAt(p_W=table.X_WB[:3, 3] * [1.0, 1.0, 0.0], X_WC=places[0]),
+            believed_depth_camera(wiring.calibration),
+            calibrated_arm(wiring.calibration),
+            _JOINTS,
+            lambda X_WC: touch_arm_view(wiring.calibration, X_WC),
+            perception.registration,
+            period,
+        ),
+    )
     sequence = add(
         "declutter_sequence",
         DeclutterSequence(
@@ -106,6 +130,7 @@ def add_declutter_control(
             table,
             scenario.sequence,
             period,
+            X_WArmView,
         ),
     )
     move = add(
@@ -119,6 +144,7 @@ def add_declutter_control(
             {CAMERA_ARM: arms.q_home[CAMERA_ARM]},
         ),
     )
+    touched = sensors.encoders[TOUCH_ARM].GetOutputPort("joint_state_measured")
     looker = sensors.encoders[CAMERA_ARM].GetOutputPort("joint_state_measured")
     segments, masks = (segmenter.GetOutputPort(port) for port in ("segments", "object_masks"))
     connections = [
@@ -135,6 +161,9 @@ def add_declutter_control(
         (segments, offset, "segments"),
         (move.GetOutputPort("action_end"), offset, "action_end"),
         (offset.GetOutputPort("arm_offset"), sequence, "arm_offset"),
+        (seen_arm.GetOutputPort("arm_offset"), offset, "arm_offset_seen"),
+        (sensors.depth, seen_arm, "depth_measured"),
+        (touched, seen_arm, "joint_state_measured"),
         (move.GetOutputPort("action_end"), sequence, "action_end"),
         (sequence.GetOutputPort("action_request"), move, "action_request"),
         (looker, move, f"{CAMERA_ARM}_joint_state_measured"),
@@ -151,7 +180,7 @@ def add_declutter_control(
         (offset, "arm_offset"),
     ):
         builder.ExportOutput(system.GetOutputPort(port), port)
-    return DeclutterControl(segmenter=segmenter, sequence=sequence, move=move)
+    return DeclutterControl(segmenter=segmenter, seen_arm=seen_arm, sequence=sequence, move=move)
 
 
 def connect_declutter(
@@ -179,6 +208,7 @@ def connect_declutter(
     connections = [
         (sensors.colour, look, "color_measured"),
         (look.GetOutputPort("looked"), declutter.segmenter, "looked"),
+        (look.GetOutputPort("looked"), declutter.seen_arm, "looked"),
         (look.GetOutputPort("unreachable"), sequence, "unreachable"),
         (look.GetOutputPort("is_away"), move, "is_clear"),
         (planned, sequence, "view_planned"),
@@ -201,43 +231,36 @@ def _table_box(region: shapely.Polygon, height: float) -> ViewRequest:
     return ViewRequest(box_edges=np.array([right - x, up - y, _HIGHEST]), X_WB=X_WB)
 
 
-def offset_covariance(calibration: Calibration, X_WC: Array, p: Array) -> Array:
-    """Of a place as the touching arm has it from where the camera sees it (2, 2), [m^2].
-
-    Args:
-        calibration: As believed.
-        X_WC: Of the camera (4, 4).
-        p: The place in W (3,), [m].
-    """
-    (camera,), arm = calibration.cameras.values(), calibration.arms[TOUCH_ARM]
-    at = np.hstack([-se3.skew(p), np.eye(3)])  # How a twist in W displaces it.
-    found = _JOINTS**2 * np.eye(3)
-    for X, covariance in (
-        (X_WC, camera.pose_covariance),
-        (arm.X_WBase.GetAsMatrix4(), arm.covariance),
-    ):
-        J = at @ se3.adjoint(X)
-        found = found + J @ covariance @ J.T
-    return found[:2, :2]
-
-
 def _places(arms: BelievedArms, table: ViewRequest) -> list[Array]:
     """Places X_WC (4, 4) from which the camera's arm can look at the table, the highest first."""
     centre = table.X_WB[:3, 3] * [1.0, 1.0, 0.0] + [0.0, 0.0, 0.05]
-    found = []
-    planner, home = arms.planners[CAMERA_ARM], arms.q_home[CAMERA_ARM]
-    planner.look_at(
-        {TOUCH_ARM: arms.q_home[TOUCH_ARM]},
-        [box_vertices(table.box_edges, RigidTransform(table.X_WB))],
-    )
-    for elevation in np.deg2rad(_ELEVATIONS):
-        for azimuth in np.deg2rad(_AZIMUTHS):
-            level = np.cos(elevation)
-            out = [level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)]
-            X_WC = se3.looking_at(centre + _DISTANCE * np.array(out), centre)
-            if planner.posture(RigidTransform(X_WC), [home]) is not None:
-                found.append(X_WC)
-                break
+    found = list(_views(arms, table, centre, _DISTANCE, _ELEVATIONS))
     if not found:
         raise ValueError("the camera's arm cannot look at the table from anywhere")
     return found[:_PLACES]
+
+
+def _arm_view(arms: BelievedArms, table: ViewRequest) -> Array | None:
+    """From where the camera's arm can look at the other one at home X_WC (4, 4), if it can."""
+    q = arms.q_home[TOUCH_ARM]
+    hand = arms.arms[TOUCH_ARM].Evaluate(np.append(q, np.zeros_like(q))).X_WE[:3, 3]
+    return next(_views(arms, table, hand, _ARM_DISTANCE, _ARM_ELEVATIONS), None)
+
+
+def _views(
+    arms: BelievedArms, table: ViewRequest, p_W: Array, distance: float, elevations: Sequence[float]
+) -> Iterator[Array]:
+    """X_WC (4, 4) from which a place (3,) is seen, one for each elevation [deg] that has any."""
+    planner, home = arms.planners[CAMERA_ARM], arms.q_home[CAMERA_ARM]
+    for elevation in np.deg2rad(elevations):
+        for azimuth in np.deg2rad(_AZIMUTHS):
+            level = np.cos(elevation)
+            out = [level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)]
+            X_WC = se3.looking_at(p_W + distance * np.array(out), p_W)
+            planner.look_at(
+                {TOUCH_ARM: arms.q_home[TOUCH_ARM]},
+                [box_vertices(table.box_edges, RigidTransform(table.X_WB))],
+            )
+            if planner.posture(RigidTransform(X_WC), [home]) is not None:
+                yield X_WC
+                break

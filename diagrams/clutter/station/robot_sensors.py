@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import OutputPort
 from pydrake.systems.primitives import MatrixGain
@@ -29,12 +30,17 @@ from crossmodal.diagrams.stations.add_cameras import (
 from crossmodal.diagrams.stations.naming import own_seed, prefixed
 from crossmodal.maths.arrays import Array
 from crossmodal.models.gripper_taxels import ARRAYS, gripper_taxels
+from crossmodal.plants.camera_view import renderer_intrinsics
 from crossmodal.plants.hands.taxel_gripper import JOINTS as GRIPPER_JOINTS
 from crossmodal.plants.hands.taxel_gripper import finger_shapes
 from crossmodal.plants.robots.arm_with_hand import add_robot
 from crossmodal.plants.robots.panda import ARM_JOINTS as PANDA_JOINTS
 from crossmodal.plants.robots.ur5 import ARM_JOINTS as UR5_JOINTS
 from crossmodal.systems.arm_pose import ArmPose
+from crossmodal.systems.depth_camera import DepthCamera
+from crossmodal.systems.registration.registration_solver import CalibratedArm
+from crossmodal.systems.registration.robot_view import ArmChain, RobotView
+from crossmodal.systems.registration.seen_arm import ARM
 from crossmodal.systems.sensors.finger_encoders import FingerEncoders
 from crossmodal.systems.sensors.joint_encoders import JointEncoders
 from crossmodal.systems.sensors.robot_mask import MaskedRobot
@@ -66,6 +72,44 @@ def arm_pose(calibration: Calibration, name: str) -> ArmPose:
     """Where an arm's end-effector is by its joints, as the robot knows it."""
     arm = calibration.arms[name]
     return ArmPose(arm.model, arm.covariance, arm.joint_offset_std)
+
+
+def believed_depth_camera(calibration: Calibration) -> DepthCamera:
+    """The camera; its pose is that of what carries it, which is nowhere in particular."""
+    (camera,) = calibration.cameras.values()
+    return DepthCamera(
+        intrinsics=camera.intrinsics,
+        X_WC=np.eye(4),
+        pose_covariance=camera.pose_covariance,
+        depth_scale_std=camera.depth_scale_std,
+        focal_length_std=camera.focal_length_std,
+    )
+
+
+def calibrated_arm(calibration: Calibration) -> CalibratedArm:
+    """The touching arm."""
+    arm = calibration.arms[TOUCH_ARM]
+    return CalibratedArm(
+        X_WBase=arm.X_WBase.GetAsMatrix4(),
+        base_covariance=arm.covariance,
+        joint_offset_std=arm.joint_offset_std,
+    )
+
+
+def touch_arm_view(calibration: Calibration, X_WC: Array) -> RobotView:
+    """Renders the touching arm where it believes to be, from a pose of the camera (4, 4)."""
+    (camera,) = calibration.cameras.values()
+
+    def build(plant: MultibodyPlant) -> None:
+        X_WBase = calibration.arms[TOUCH_ARM].X_WBase
+        add_robot(plant, ROBOTS[TOUCH_ARM], X_WBase, TOUCH_ARM, GRIPPER)
+
+    return RobotView(
+        build,
+        renderer_intrinsics(camera.intrinsics),
+        RigidTransform(X_WC),
+        {ARM: ArmChain(TOUCH_ARM, UR5_JOINTS, GRIPPER)},
+    )
 
 
 def _add_believed_robots(plant: MultibodyPlant, calibration: Calibration) -> None:

@@ -176,6 +176,15 @@ def test_what_is_over_vanishes() -> None:
         assert calls(meshcat, "SetProperty", path)[-1][1:3] == ("visible", False)
 
 
+def test_without_any_touch_views_are_over_once_none_follows() -> None:
+    meshcat = Mock()
+    shown = Shown(meshcat)
+    shown.tick(view_latest=view_request(1), grid_latest=grid(), touch_latest=TouchRequest())
+    assert calls(meshcat, "SetTriangleMesh", "views/grid")
+    shown.tick(touch_latest=TouchRequest(done=True))
+    assert calls(meshcat, "SetProperty", "views/chosen")[-1][1:3] == ("visible", False)
+
+
 def test_the_graph_stands_above_its_objects_until_a_pose_is_believed() -> None:
     meshcat = Mock()
     shown = Shown(meshcat, clears=True)

@@ -44,13 +44,21 @@ class End:
 
 @pytest.fixture
 def offset() -> ArmOffsetFilter:
-    return ArmOffsetFilter(PRIOR, CONFIG, 0.1)
+    return ArmOffsetFilter(CONFIG, 0.1)
+
+
+SEEN = ArmOffset(covariance=PRIOR)
 
 
 def tick(
-    offset: ArmOffsetFilter, context: Context, end: End, image_number: int | None = None
+    offset: ArmOffsetFilter,
+    context: Context,
+    end: End,
+    image_number: int | None = None,
+    seen: ArmOffset = SEEN,
 ) -> ArmOffset:
     """After an action and an image that came after it."""
+    offset.GetInputPort("arm_offset_seen").FixValue(context, AbstractValue.Make(seen))
     scene = replace(SCENE, number=end.number + 1 if image_number is None else image_number)
     offset.GetInputPort("segments").FixValue(context, AbstractValue.Make(scene))
     offset.GetInputPort("action_end").FixValue(context, Value[object](end))
@@ -80,10 +88,21 @@ def test_what_a_finger_came_down_on_may_be_anywhere_within() -> None:
     assert_allclose(found, [0.1, 0.55, 1.0], atol=1e-3)
 
 
-def test_before_anything_was_met_it_is_the_calibrations(offset: ArmOffsetFilter) -> None:
-    found = offset.GetOutputPort("arm_offset").Eval(offset.CreateDefaultContext())
+def test_before_anything_was_met_it_is_what_was_seen(offset: ArmOffsetFilter) -> None:
+    context = offset.CreateDefaultContext()
+    found = tick(offset, context, End(0))
     assert_allclose(found.mean, 0.0, atol=1e-12)
-    assert_allclose(found.covariance, PRIOR, rtol=5e-3)
+    assert_allclose(found.covariance, PRIOR)
+    contact = np.array([[0.035, 0.0, 0.0]])
+    assert tick(offset, context, End(1, contact)).mean[0] > 1e-3
+    seen = ArmOffset(mean=np.array([0.01, -0.02]), covariance=0.1 * PRIOR, view=1)
+    found = tick(offset, context, End(1, contact), 2, seen)
+    assert_allclose(found.mean, seen.mean)
+    assert_allclose(found.covariance, seen.covariance)
+    assert found.view == 1
+    # From there on contacts count again.
+    contact = np.array([[0.045, 0.0, 0.0]])
+    assert tick(offset, context, End(2, contact), 3, seen).mean[0] > 0.0102
 
 
 def test_fingers_that_close_on_both_sides_tell_it_along_the_opening(
@@ -130,7 +149,7 @@ def test_its_claims_hold() -> None:
     outline = SCENE.segments[0].contour.exterior
     for _ in range(count):
         truth = root @ rng.standard_normal(2)
-        offset = ArmOffsetFilter(PRIOR, CONFIG, 0.1)
+        offset = ArmOffsetFilter(CONFIG, 0.1)
         context = offset.CreateDefaultContext()
         for number in (1, 2, 3):
             at, ahead = (
@@ -179,15 +198,13 @@ def test_a_request_is_displaced_as_a_whole() -> None:
 
 
 def test_documented_ports_are_the_declared_ones(offset: ArmOffsetFilter) -> None:
-    inputs = [offset.get_input_port(InputPortIndex(i)).get_name() for i in range(2)]
+    inputs = [offset.get_input_port(InputPortIndex(i)).get_name() for i in range(3)]
     outputs = [offset.get_output_port(OutputPortIndex(0)).get_name()]
-    assert (offset.num_input_ports(), offset.num_output_ports()) == (2, 1)
+    assert (offset.num_input_ports(), offset.num_output_ports()) == (3, 1)
     assert documented_ports(ArmOffsetFilter.__doc__, "input") == inputs
     assert documented_ports(ArmOffsetFilter.__doc__, "output") == outputs
 
 
-def test_a_covariance_that_is_none_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"covariance = .* m\^2 is not positive"):
-        ArmOffsetFilter(np.diag([1e-5, -1e-5]), CONFIG, 0.1)
+def test_impossible_configurations_are_refused() -> None:
     with pytest.raises(ValueError, match="outline = 0"):
-        ArmOffsetFilter(PRIOR, ArmOffsetConfig(outline=0.0), 0.1)
+        ArmOffsetFilter(ArmOffsetConfig(outline=0.0), 0.1)

@@ -26,9 +26,11 @@ from crossmodal.systems.declutter.declutter_sequence import (
     judge,
 )
 from crossmodal.systems.port_values import (
+    NO_GRAPH,
     NO_PRIOR,
     NO_VIEW,
     ActionRequest,
+    ArmOffset,
     DeclutterAction,
     DeclutterProgress,
     Grasp,
@@ -185,6 +187,39 @@ def test_a_target_that_stands_alone_is_sought_at_once() -> None:
     assert (robot.requests, robot.progress.steps) == ([], ())
     assert (robot.progress.found, robot.progress.why) == (True, "")
     assert robot.read("pose_guess").given  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("is_reached", [True, False])
+def test_first_the_arm_is_looked_at(is_reached: bool) -> None:
+    X_WC = np.diag([-1.0, -1.0, 1.0, 1.0])
+    edges = np.full(3, 0.1)
+    system = DeclutterSequence(
+        "can", np.zeros(3), edges, 0.0, PLACES, TABLE, DeclutterSequenceConfig(), 0.1, X_WC
+    )
+    context = system.CreateDefaultContext()
+
+    def view(offset: ArmOffset, unreachable: float = 0.0) -> ViewRequest:
+        for port, value in (
+            ("segments", Segments()),
+            ("grasps", Grasps()),
+            ("declutter_graph", NO_GRAPH),
+            ("action_end", SimpleNamespace(number=0, outcome="")),
+            ("view_planned", NO_VIEW),
+            ("arm_offset", offset),
+        ):
+            system.GetInputPort(port).FixValue(context, AbstractValue.Make(value))
+        system.GetInputPort("unreachable").FixValue(context, [unreachable])
+        system.ExecuteForcedEvents(context)
+        found: ViewRequest = system.GetOutputPort("view_latest").Eval(context)
+        return found
+
+    for _ in range(3):
+        first = view(ArmOffset())
+        assert first.number == 1
+        assert_allclose(first.X_WC, X_WC)
+    second = view(ArmOffset(view=1)) if is_reached else view(ArmOffset(), unreachable=1.0)
+    assert second.number == 2
+    assert_allclose(second.X_WC, PLACES[0])
 
 
 def test_until_the_way_is_clear_nothing_is_known_of_the_pose() -> None:

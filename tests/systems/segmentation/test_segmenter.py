@@ -46,10 +46,11 @@ class Red:
 class Rig:
     """A segmenter and what it is given."""
 
-    def __init__(self, name: str = "can") -> None:
+    def __init__(self, name: str = "can", skipped: int = 0) -> None:
         network: Any = Red(name)
         edges = {name: np.array([0.08, 0.08, 0.2])}
-        self.system = Segmenter(network, CAMERA, TABLE, REGION, edges, SegmenterConfig(), 0.1)
+        config = SegmenterConfig()
+        self.system = Segmenter(network, CAMERA, TABLE, REGION, edges, config, 0.1, skipped)
         self.context: Context = self.system.CreateDefaultContext()
 
     def look(
@@ -91,6 +92,12 @@ def rig() -> Rig:
 def test_before_the_first_view_there_is_no_image(rig: Rig) -> None:
     assert rig.look(0, [(60, 60)]) == Segments()
     assert rig.masks().number == 0
+
+
+def test_views_of_something_else_are_left_out() -> None:
+    rig = Rig(skipped=1)
+    assert rig.look(1, [(60, 60)]) == Segments()
+    assert rig.look(2, [(60, 60)]).number == 1
 
 
 def test_an_object_is_where_its_rays_meet_its_height(rig: Rig) -> None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import shapely
@@ -114,7 +115,7 @@ def add_declutter_control(
             believed_depth_camera(wiring.calibration),
             calibrated_arm(wiring.calibration),
             _JOINTS,
-            lambda X_WC: touch_arm_view(wiring.calibration, X_WC),
+            partial(touch_arm_view, wiring.calibration),
             perception.registration,
             period,
         ),

@@ -81,13 +81,13 @@ def main(
         X_WC=view.X_WC,
     )
     scene = Segments(number=1, time=0.0, segments=segments)
-    grasps = find_all_grasps(seen, 0.0, grasping, config)
+    grasps = find_all_grasps(seen, grasping, config)
     qualities = {number: grasps.best(number) for number in grasps.grasps}
     target = max(segments, key=lambda segment: segment.contour.area).name
     parts = {
         "masks": lambda: objects_in(view, segmentation, lengths, ObjectsConfig()),
         "outlines": lambda: segments_in(view, found, _EVERYWHERE, {}),
-        "grasps": lambda: find_all_grasps(seen, 0.0, grasping, config),
+        "grasps": lambda: find_all_grasps(seen, grasping, config),
         "graph and push": lambda: declutter_graph(
             scene, target, qualities, NO_TRIES, DeclutterConfig()
         ),

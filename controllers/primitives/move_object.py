@@ -33,7 +33,7 @@ from crossmodal.maths.validation import check
 from crossmodal.models.gripper_taxels import THICKNESS, gripper_taxels, tip_taxels
 
 _HELD = (ActionPhase.LIFT, ActionPhase.CARRY, ActionPhase.LOWER)
-_STANDS = 0.5  # Share of an object's weight: if the fingers carry less, it stands on something.
+_STANDS = 0.5  # Share of an object's weight that something else bears when it stands on that.
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -312,8 +312,10 @@ class MoveObject(ArmTask):
         return self._begin(context, replace(state, legs=legs, end=end))
 
     def _lower(self, context: Context, state: MoveState) -> MoveState:
-        carried = self._finger_forces(state).shear @ state.hanging
-        stands = carried < _STANDS * state.hanging @ state.hanging
+        # What is held hangs on the fingers along z of E; across it they may press on each other.
+        weight = state.hanging[1]
+        borne = weight - self._finger_forces(state).shear[1]
+        stands = borne > max(_STANDS * abs(weight), self._config.grip.contact)
         outcome = state.end.outcome or ActionOutcome.PLACED
         if not stands and outcome is ActionOutcome.PLACED and not self._holds(context, state):
             outcome = ActionOutcome.SLIPPED

@@ -78,30 +78,33 @@ def likelihood(contact: Array, offsets: Array, scene: Segments, config: ArmOffse
     return np.asarray((1.0 - config.wrong) * found / best + config.wrong)
 
 
-def as_met(request: ActionRequest, offset: Array) -> ActionRequest:
+def as_met(request: ActionRequest, offset: Array, table: float = 0.0) -> ActionRequest:
     """A request for places that a camera has seen, at those where the arm meets them.
 
     Args:
-        request: What is to be done.
-        offset: Of the arm in x and y of W (2,), [m].
+        request: What is to be done; its heights are above the table.
+        offset: Of the arm in W (3,), [m].
+        table: z at which the camera sees the table, [m].
     """
-    aside = np.append(offset, 0.0)
     X = np.eye(4)
-    X[:3, 3] = aside
+    X[:3, 3] = offset
+    raised = table + offset[2]
     return replace(
         request,
         grasps=tuple(replace(grasp, X_WE=X @ grasp.X_WE) for grasp in request.grasps),
         pushes=tuple(
             replace(
                 push,
-                point=push.point + offset,
-                place=push.place + offset,
-                finger=translate(push.finger, *offset),
+                point=push.point + offset[:2],
+                place=push.place + offset[:2],
+                height=push.height + raised,
+                finger=translate(push.finger, *offset[:2]),
             )
             for push in request.pushes
         ),
-        places=request.places + offset,
-        obstacles=tuple(vertices + aside for vertices in request.obstacles),
+        places=request.places + offset[:2],
+        top=request.top + raised,
+        obstacles=tuple(vertices + offset for vertices in request.obstacles),
     )
 
 
@@ -110,7 +113,7 @@ class OffsetBelief(Immutable):
     """A density over a grid, and of which action and image the contacts were counted last.
 
     Attributes:
-        offsets: Of the grid (N, 2), [m].
+        offsets: Of the grid in x and y (N, 2), [m].
         density: (N,).
         view: Number of the view of the arm with which it has begun; -1 before.
         action: Number of the action.
@@ -178,9 +181,10 @@ class ArmOffsetFilter(RecursiveFilter):
         for contact in end.contacts:
             density = density * likelihood(contact, before.offsets, scene, self._config)
         density = density / density.sum()
-        mean = density @ before.offsets
-        away = before.offsets - mean
-        covariance = (density[:, None] * away).T @ away
+        mean, covariance = before.offset.mean.copy(), before.offset.covariance.copy()
+        mean[:2] = density @ before.offsets
+        away = before.offsets - mean[:2]
+        covariance[:2, :2] = (density[:, None] * away).T @ away
         return replace(
             before,
             density=density,
@@ -197,7 +201,7 @@ def _as_seen(belief: OffsetBelief, seen: ArmOffset) -> OffsetBelief:
     density = np.exp(-0.5 * np.square(deviations).sum(axis=1))
     return replace(
         belief,
-        offsets=seen.mean + deviations @ np.linalg.cholesky(seen.covariance).T,
+        offsets=seen.mean[:2] + deviations @ np.linalg.cholesky(seen.covariance[:2, :2]).T,
         density=density / density.sum(),
         view=seen.view,
         offset=seen,

@@ -113,7 +113,7 @@ def passed_heights(
 def free_places(
     segment: Segment, others: Sequence[Segment], target: Segment, config: AroundConfig
 ) -> Array:
-    """Places (K, 2) where an object may be put down, turned in any way.
+    """Places (K, 2) of its centroid where an object may be put down, turned as it is.
 
     Those where it hangs on nothing come first, then the nearest one.
 
@@ -126,13 +126,11 @@ def free_places(
     low, high = config.corners
     axes = [np.arange(a, b + 1e-9, config.step) for a, b in zip(low, high, strict=True)]
     places = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
-    outline = shapely.get_coordinates(segment.contour)
-    reach = float(np.linalg.norm(outline - segment.centroid, axis=1).max())
-    points = shapely.points(places)
-    apart = np.min([shapely.distance(points, other.contour) for other in others], axis=0) - reach
-    free = (shapely.distance(points, target.contour) - reach > config.near) & (
-        apart > config.margin
-    )
+    outline = shapely.get_coordinates(segment.contour.convex_hull) - segment.centroid
+    there = shapely.polygons(places[:, None] + outline)
+    shapely.prepare(there)
+    apart = np.min([shapely.distance(there, other.contour) for other in others], axis=0)
+    free = (shapely.distance(there, target.contour) > config.near) & (apart > config.margin)
     far = np.linalg.norm(places - segment.centroid, axis=1)
     order = np.lexsort((far, apart <= config.near))
     return np.asarray(places[order[free[order]]])

@@ -400,9 +400,9 @@ class DeclutterSequence(RecursiveFilter):
             places=places,
             passed=passed_heights(vertex.segment, others, places, self._config.around),
             top=vertex.segment.top,
-            obstacles=bodies_around(others, self._height, self._config.around),
+            obstacles=bodies_around(others, state.scene.table, self._config.around),
         )
-        request = as_met(request, self._arm_offset(context).mean)
+        request = as_met(request, self._arm_offset(context).mean, state.scene.table)
         return replace(
             state, phase=DeclutterPhase.CLEAR, request=request, sides=0, unseen=0, centred=0
         )

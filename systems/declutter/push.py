@@ -66,9 +66,9 @@ class PushConfig:
     foot: float = number(0.55, above=0.0, at_most=1.0)
     # Share of the toppling height that is used; so friction may be .7.
     margin: float = number(0.7, above=0.0, at_most=1.0)
-    # Of the fingers' ends above the table: its outer taxels are then 18 mm above it and higher, and
-    # the table may be 2 mm higher than believed.
-    lowest: float = number(0.012, at_least=0.0, at_most=0.5, unit="m")
+    # Of the fingers' ends above the table, which may be 2 mm higher than believed, and the arm some
+    # 4 mm lower. Their outer taxels are 6 mm above them.
+    lowest: float = number(0.006, at_least=0.0, at_most=0.5, unit="m")
     # By which the fingers' ends are below an object's top at least.
     grip: float = number(0.01, at_least=0.0, at_most=0.5, unit="m")
     # What is not higher may be turned over: it does not fall.
@@ -303,7 +303,8 @@ def plan_pushes(
     There is one at most in each direction. Those come first that do not topple the object, then
     those in which the fewest others are met, then those that take it out of the way, then those
     nearest to the direction away from the clutter, to the left before to the right. Where the
-    centroid cannot be behind the finger in any direction, the finger turns the object as it goes.
+    centroid cannot be behind the finger in any direction, the finger turns the object as it goes;
+    then it may meet nothing, for what turns against other things slides off the finger.
 
     Args:
         segment: To be pushed.
@@ -324,7 +325,7 @@ def plan_pushes(
                     break
             if push.why and not is_beside:
                 failures.add(push.why)
-            elif not push.why:
+            elif not push.why and not (is_beside and push.meets):
                 found.append((push.topples, len(push.meets), push.length < wanted, push))
         if found:
             return tuple(push for *_, push in sorted(found, key=lambda each: each[:3]))

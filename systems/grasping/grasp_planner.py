@@ -46,7 +46,7 @@ class GraspPlannerConfig:
     # By which the fingers may be opened wider than the network says: half of it on each side.
     widest: float = number(0.03, at_least=0.0, at_most=0.1, unit="m")
     # By which the fingers reach down beside an object at least; above others they go less deep.
-    shallowest: float = number(0.02, above=0.0, at_most=0.1, unit="m")
+    shallowest: float = number(0.03, above=0.0, at_most=0.1, unit="m")
 
 
 def load_grasp_network(config: GraspPlannerConfig) -> OnnxNetwork:
@@ -114,22 +114,20 @@ def grasp_pose(grasp: Array, table: float) -> Array:
     )
 
 
-def find_all_grasps(
-    masks: ObjectMasks, table: float, network: OnnxNetwork, config: GraspPlannerConfig
-) -> Grasps:
+def find_all_grasps(masks: ObjectMasks, network: OnnxNetwork, config: GraspPlannerConfig) -> Grasps:
     """The grasps of all objects in an image but glass, through which the camera looks.
 
     Of 29 grasps of glass on views that the network had not learned from one held.
 
     Args:
         masks: Of the objects.
-        table: z of the table in W, [m].
         network: See `load_grasp_network`.
         config: What must be free.
     """
     assert masks.intrinsics is not None, "only before the first image there are none"
     glass = np.isin(masks.objects, [*masks.glass])
     depth = np.where(glass, 0.0, masks.depth)  # It is that of what is behind.
+    table = masks.table
     seen = seen_points(depth, masks.objects, masks.intrinsics, masks.X_WC, table, masks.glass)
     found = {}
     for label in np.unique(masks.objects[(masks.objects >= 0) & ~glass]).tolist():
@@ -154,11 +152,10 @@ class GraspPlanner(RecursiveFilter):
     - `grasps`: `Grasps` of the last tick, from the state alone; `NO_GRASPS` before the first image.
     """
 
-    def __init__(self, table: float, config: GraspPlannerConfig, period: float) -> None:
+    def __init__(self, config: GraspPlannerConfig, period: float) -> None:
         """Makes the planner.
 
         Args:
-            table: z of the table in W, [m].
             config: Of the grasps.
             period: Of the ticks, [s].
 
@@ -168,7 +165,7 @@ class GraspPlanner(RecursiveFilter):
         """
         super().__init__()
         check(config, "GraspPlanner")
-        self._table, self._config = table, config
+        self._config = config
         self._network = load_grasp_network(config)
         self._masks = self._declare_value_input("object_masks", NO_MASKS)
         self._declare_recursion(NO_GRASPS, self._calc, period)
@@ -179,4 +176,4 @@ class GraspPlanner(RecursiveFilter):
         masks: ObjectMasks = self._read(self._masks, context)
         if masks.number == before.number:
             return before
-        return find_all_grasps(masks, self._table, self._network, self._config)
+        return find_all_grasps(masks, self._network, self._config)

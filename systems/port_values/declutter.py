@@ -82,10 +82,12 @@ class Segments(Immutable):
         number: Of the image, from one on; zero: there is none yet.
         time: When it was taken, [s].
         segments: In any order, each with a number of its own.
+        table: z at which the table is seen, in W as the camera has it, [m].
     """
 
     number: int = 0
     time: float = 0.0
+    table: float = 0.0
     segments: tuple[Segment, ...] = ()
 
     def largest(self, name: str) -> Segment | None:
@@ -308,18 +310,18 @@ class ActionRequest(Immutable):
 
 @dataclass(frozen=True, kw_only=True)
 class ArmOffset(Immutable):
-    """By how much an arm meets objects beside where a camera sees them, in x and y of W.
+    """By how much an arm meets objects beside where a camera sees them, in W.
 
     What the camera sees at p the arm meets at p + mean, with this covariance.
 
     Attributes:
-        mean: (2,), [m].
-        covariance: (2, 2), [m^2].
+        mean: (3,), [m].
+        covariance: (3, 3), [m^2].
         view: Number of the last view that has shown the arm; zero before.
     """
 
-    mean: Array = field(default_factory=lambda: np.zeros(2))
-    covariance: Array = field(default_factory=lambda: np.zeros((2, 2)))
+    mean: Array = field(default_factory=lambda: np.zeros(3))
+    covariance: Array = field(default_factory=lambda: np.zeros((3, 3)))
     view: int = 0
 
 
@@ -379,10 +381,12 @@ class ObjectMasks(Immutable):
         depth: (H, W) along the camera's axis, [m]; zero where none was measured.
         intrinsics: Of the image; None before the first one.
         X_WC: Of the camera (4, 4), where it is believed to have been.
+        table: As in `Segments`.
     """
 
     number: int = 0
     view: int = 0
+    table: float = 0.0
     objects: Ids = field(default_factory=lambda: np.full((0, 0), -1))
     glass: Mapping[int, float] = field(default_factory=dict)
     colour: npt.NDArray[np.uint8] = field(default_factory=lambda: np.zeros((0, 0, 3), np.uint8))

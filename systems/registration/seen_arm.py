@@ -164,7 +164,7 @@ class SeenArm(RecursiveFilter):
         # The camera's arm has one posture for each view, the other one still another at the place.
         joints = 3.0 * self._joint_error**2 * np.eye(3)
         covariance = J @ found.covariance @ J.T + joints
-        return ArmOffset(mean=(J @ found.mean)[:2], covariance=covariance[:2, :2], view=view)
+        return ArmOffset(mean=J @ found.mean, covariance=covariance, view=view)
 
 
 def _moved(X_WC: Array, X_WD: Array, p_WQ: Array) -> Array:

@@ -44,6 +44,9 @@ class SegmenterConfig:
     objects: ObjectsConfig = field(default_factory=ObjectsConfig)
     # Farthest distance that an object goes between two images and is still known.
     reach: float = number(0.3, above=0.0, at_most=10.0, unit="m")
+    # Farther than this from where the table is believed to be, nothing that is seen is the table:
+    # four standard deviations of what camera and table, 4 and 2 mm off, make of it.
+    table_error: float = number(0.02, above=0.0, at_most=1.0, unit="m")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -125,9 +128,9 @@ def segments_in(
     heights = view.intrinsics.heights(view.depth, view.X_WC, view.table)
     for one in found:
         edges = glass.get(one.name)
-        beneath = lying = 0.0
+        lying = highest = 0.0
         if edges is not None:
-            beneath = _typical(heights[one.mask])
+            beneath, highest = _quantiles(heights[one.mask])
             lying = beneath + 0.5 * float(np.sort(edges)[1])
         try:
             segment = segment_of_mask(
@@ -145,7 +148,7 @@ def segments_in(
         if edges is None:
             covered = covered_share(one.mask, solid & ~one.mask, view.depth, _BEFORE)
         else:
-            top = beneath + greatest_height(segment, edges)
+            top = highest + greatest_height(segment, edges)
         segment = replace(
             segment,
             top=top,
@@ -158,10 +161,13 @@ def segments_in(
     return tuple(segment for segment, _ in kept), [mask for _, mask in kept]
 
 
-def _typical(heights: Array) -> float:
-    """The median of what was measured of heights (N,), zero where nothing was, [m]."""
+def _quantiles(heights: Array) -> Array:
+    """Half and nine tenths of what was measured of heights (N,) are lower (2,), [m].
+
+    Zero where nothing was measured.
+    """
     known = heights[np.isfinite(heights)]
-    return float(max(np.median(known), 0.0)) if len(known) else 0.0
+    return np.maximum(np.quantile(known, [0.5, 0.9]), 0.0) if len(known) else np.zeros(2)
 
 
 def greatest_height(segment: Segment, edges: Array) -> float:
@@ -178,6 +184,19 @@ def greatest_height(segment: Segment, edges: Array) -> float:
     seen = float(np.linalg.norm(sides, axis=1).max())
     _, thick, long = np.sort(edges)
     return float(min(np.sqrt(max(long**2 - seen**2, 0.0)) + thick, np.hypot(long, thick)))
+
+
+def table_error(heights: Array, largest: float) -> float:
+    """By how much a table is seen above where it is believed to be, [m].
+
+    What is near there is most of what is seen, and the middle of it is the table.
+
+    Args:
+        heights: Of pixels (N,) above where it is believed to be, [m]; NaN without a measurement.
+        largest: By which it may be off at most, [m].
+    """
+    near = heights[np.abs(np.nan_to_num(heights, nan=np.inf)) < largest]
+    return float(np.median(near)) if len(near) else 0.0
 
 
 class Segmenter(RecursiveFilter):
@@ -259,7 +278,7 @@ class Segmenter(RecursiveFilter):
         known = {segment.number: segment for segment in (*before.known, *named)}
         return SegmenterState(
             looked=looked,
-            segments=Segments(number=count, time=image.time, segments=named),
+            segments=Segments(number=count, time=image.time, segments=named, table=view.table),
             masks=ObjectMasks(
                 number=count,
                 view=looked,
@@ -269,6 +288,7 @@ class Segmenter(RecursiveFilter):
                 depth=view.depth,
                 intrinsics=view.intrinsics,
                 X_WC=view.X_WC,
+                table=view.table,
             ),
             known=tuple(known.values()),
         )
@@ -277,11 +297,13 @@ class Segmenter(RecursiveFilter):
         colour: StampedImage = self._read(self._colour, context)
         mask = self._read_optional(self._mask, context)
         depth = np.array(image.image.data[:, :, 0], float)
+        masked = np.zeros(depth.shape, bool) if mask is None else mask.data[:, :, 0] != 0
+        heights = self._intrinsics.heights(depth, image.X_WC, self._table)[~masked]
         return View(
             colour=np.array(colour.image.data[:, :, :3]),
             depth=depth,
-            masked=np.zeros(depth.shape, bool) if mask is None else mask.data[:, :, 0] != 0,
+            masked=masked,
             intrinsics=self._intrinsics,
             X_WC=image.X_WC,
-            table=self._table,
+            table=self._table + table_error(heights, self._config.table_error),
         )

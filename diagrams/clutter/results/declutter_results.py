@@ -175,12 +175,13 @@ def _arm_offset(record: EpisodeRecord) -> dict[str, Any] | None:
         return None
     p, last = poses[0].translation(), offsets[-1]
     true = true_offset(record.scenario, record.calibration, masks[0].X_WC, p)[:2]
-    error = true - last.mean
-    distance = float(error @ np.linalg.solve(last.covariance, error))
+    mean, covariance = last.mean[:2], last.covariance[:2, :2]
+    error = true - mean
+    distance = float(error @ np.linalg.solve(covariance, error))
     return {
         "true": true.tolist(),
-        "believed": last.mean.tolist(),
-        "deviation": np.sqrt(np.diag(last.covariance)).tolist(),
+        "believed": mean.tolist(),
+        "deviation": np.sqrt(np.diag(covariance)).tolist(),
         "error_before": float(np.linalg.norm(true)),
         "error": float(np.linalg.norm(error)),
         "inside_claim": distance < chi_square_gate(0.05, 2),

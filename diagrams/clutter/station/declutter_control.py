@@ -103,7 +103,7 @@ def add_declutter_control(
             skipped=0 if X_WArmView is None else 1,
         ),
     )
-    grasps = add("grasp_planner", GraspPlanner(height, perception.grasps, period))
+    grasps = add("grasp_planner", GraspPlanner(perception.grasps, period))
     name = target_name(scenario)
     graph = add("declutter_planner", DeclutterPlanner(name, scenario.declutter, period))
     offset = add("arm_offset", ArmOffsetFilter(perception.arm_offset, period))

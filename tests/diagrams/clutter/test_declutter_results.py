@@ -177,14 +177,14 @@ def test_what_the_arm_has_learned_of_its_offset_is_compared_with_the_truth(
 ) -> None:
     scenario, view = record.scenario, se3.looking_at(np.array([0.4, 0.0, 0.7]), np.zeros(3))
     calibration, p = make_calibration(scenario), np.array([0.5, 0.0, 0.1])
-    true = true_offset(scenario, calibration, view, p)[:2]
+    true = true_offset(scenario, calibration, view, p)
     assert 1e-4 < np.linalg.norm(true) < 0.03
-    learned = ArmOffset(mean=true + np.array([0.003, 0.0]), covariance=4e-6 * np.eye(2))
+    learned = ArmOffset(mean=true + np.array([0.003, 0.0, 0.005]), covariance=4e-6 * np.eye(3))
     for tick in record.station:
         tick.values["object_masks"] = replace(NO_MASKS, number=1, X_WC=view)
         tick.values["arm_offset"] = learned
     found = declutter_summary(replace(record, calibration=calibration))["arm_offset"]
-    assert found["error_before"] == pytest.approx(np.linalg.norm(true))
+    assert found["error_before"] == pytest.approx(np.linalg.norm(true[:2]))
     assert found["error"] == pytest.approx(0.003)
     assert found["inside_claim"]
     perfect = replace(

@@ -31,6 +31,7 @@ from tests.systems.declutter.scenes import image, rectangle
 
 CONFIG = ArmOffsetConfig(outline=0.004, wrong=0.1)
 PRIOR = np.array([[4e-5, 1e-5], [1e-5, 3e-5]])
+BEFORE = np.block([[PRIOR, np.zeros((2, 1))], [np.zeros((1, 2)), 9e-6 * np.eye(1)]])
 SCENE = image(rectangle(0, "can", (0.0, 0.0), (0.06, 0.04)), rectangle(1, "oil", (0.2, 0.1)))
 
 
@@ -47,7 +48,7 @@ def offset() -> ArmOffsetFilter:
     return ArmOffsetFilter(CONFIG, 0.1)
 
 
-SEEN = ArmOffset(covariance=PRIOR)
+SEEN = ArmOffset(covariance=BEFORE)
 
 
 def tick(
@@ -92,17 +93,21 @@ def test_before_anything_was_met_it_is_what_was_seen(offset: ArmOffsetFilter) ->
     context = offset.CreateDefaultContext()
     found = tick(offset, context, End(0))
     assert_allclose(found.mean, 0.0, atol=1e-12)
-    assert_allclose(found.covariance, PRIOR)
+    assert_allclose(found.covariance, BEFORE)
     contact = np.array([[0.035, 0.0, 0.0]])
     assert tick(offset, context, End(1, contact)).mean[0] > 1e-3
-    seen = ArmOffset(mean=np.array([0.01, -0.02]), covariance=0.1 * PRIOR, view=1)
+    seen = ArmOffset(mean=np.array([0.01, -0.02, 0.003]), covariance=0.1 * BEFORE, view=1)
     found = tick(offset, context, End(1, contact), 2, seen)
     assert_allclose(found.mean, seen.mean)
     assert_allclose(found.covariance, seen.covariance)
     assert found.view == 1
     # From there on contacts count again.
     contact = np.array([[0.045, 0.0, 0.0]])
-    assert tick(offset, context, End(2, contact), 3, seen).mean[0] > 0.0102
+    found = tick(offset, context, End(2, contact), 3, seen)
+    assert found.mean[0] > 0.0102
+    # They say nothing of heights.
+    assert found.mean[2] == seen.mean[2]
+    assert found.covariance[2, 2] == seen.covariance[2, 2]
 
 
 def test_fingers_that_close_on_both_sides_tell_it_along_the_opening(
@@ -139,7 +144,7 @@ def test_what_was_met_is_compared_with_the_image_after_it(offset: ArmOffsetFilte
 def test_a_contact_far_from_everything_says_nothing(offset: ArmOffsetFilter) -> None:
     found = tick(offset, offset.CreateDefaultContext(), End(1, np.array([[0.5, 0.5, 0.0]])))
     assert_allclose(found.mean, 0.0, atol=1e-9)
-    assert_allclose(found.covariance, PRIOR, rtol=5e-3)
+    assert_allclose(found.covariance, BEFORE, rtol=5e-3, atol=1e-12)
 
 
 def test_its_claims_hold() -> None:
@@ -163,9 +168,9 @@ def test_its_claims_hold() -> None:
             depth = rng.choice([0.0, 0.01])
             p = at + (rng.normal(0.0, CONFIG.outline) - rng.uniform(0.0, depth)) * outward + truth
             found = tick(offset, context, End(number, np.array([[*p, depth]])))
-        miss = found.mean - truth
+        miss = found.mean[:2] - truth
         misses.append(miss)
-        inside += int(miss @ np.linalg.solve(found.covariance, miss) < chi2.ppf(0.95, 2))
+        inside += int(miss @ np.linalg.solve(found.covariance[:2, :2], miss) < chi2.ppf(0.95, 2))
     assert 0.90 * count < inside < 0.985 * count
     assert np.square(misses).sum(axis=1).mean() < 0.7 * np.trace(PRIOR)
 
@@ -175,6 +180,7 @@ def test_a_request_is_displaced_as_a_whole() -> None:
         point=np.array([0.1, 0.2]),
         direction=np.array([1.0, 0.0]),
         length=0.1,
+        height=0.02,
         place=np.array([0.0, 0.2]),
         finger=shapely.box(0.0, 0.0, 1.0, 1.0),
     )
@@ -184,16 +190,19 @@ def test_a_request_is_displaced_as_a_whole() -> None:
         grasps=(Grasp(X_WE=np.eye(4), width=0.05, quality=1.0),),
         pushes=(push,),
         places=np.array([[0.5, 0.0]]),
+        top=0.1,
         obstacles=(np.array([[0.0, 0.0, 0.1]]),),
     )
-    met = as_met(request, np.array([0.01, -0.02]))
-    assert_allclose(met.grasps[0].X_WE[:3, 3], [0.01, -0.02, 0.0])
+    met = as_met(request, np.array([0.01, -0.02, 0.003]), table=-0.001)
+    assert_allclose(met.grasps[0].X_WE[:3, 3], [0.01, -0.02, 0.003])
     assert_allclose(met.pushes[0].point, [0.11, 0.18])
     assert_allclose(met.pushes[0].place, [0.01, 0.18])
     assert_allclose(met.pushes[0].direction, push.direction)
     assert_allclose(met.pushes[0].finger.bounds, [0.01, -0.02, 1.01, 0.98])
+    # Heights of pushes and objects are above the table, others in W.
+    assert_allclose([met.pushes[0].height, met.top], [0.022, 0.102])
     assert_allclose(met.places, [[0.51, -0.02]])
-    assert_allclose(met.obstacles[0], [[0.01, -0.02, 0.1]])
+    assert_allclose(met.obstacles[0], [[0.01, -0.02, 0.103]])
     assert met.number == 3
 
 

@@ -147,10 +147,10 @@ def test_the_outlines_of_goods_that_stand_are_not_taken_for_their_feet(name: str
 @pytest.mark.parametrize(
     ("top", "height"),
     [
-        (0.05, 0.012),
+        (0.04, CONFIG.lowest),
         (0.08, 0.04 - 0.0195),  # The middle of the outer taxels is at half the object's height,
         (0.12, 0.7 * 0.55 * 0.03 / 0.5),  # unless it would topple.
-        (np.nan, 0.012),
+        (np.nan, CONFIG.lowest),
     ],
 )
 def test_a_push_is_at_half_the_height_if_that_is_safe(top: float, height: float) -> None:
@@ -162,10 +162,10 @@ def test_a_push_is_at_half_the_height_if_that_is_safe(top: float, height: float)
 
 
 def test_what_would_topple_falls_ahead_and_not_on_the_target() -> None:
-    slender = replace(rectangle(0, "marker", (0.1, 0.0), (0.012, 0.012)), top=0.11)
+    slender = replace(rectangle(0, "marker", (0.1, 0.0), (0.008, 0.008)), top=0.11)
     target = rectangle(1, "wineglass", (0.0, 0.0))
     push = plan_push(slender, [target], target, CONFIG)
-    assert (push.why, push.topples, push.height) == ("", True, 0.012)
+    assert (push.why, push.topples, push.height) == ("", True, CONFIG.lowest)
     # To the sides it would still be spared by the push, but not by the fall.
     ring = rectangle(1, "wineglass", (0.26, 0.0), (0.02, 0.4))
     straight = replace(CONFIG, largest_turn=0.0)
@@ -175,10 +175,10 @@ def test_what_would_topple_falls_ahead_and_not_on_the_target() -> None:
 
 
 def test_what_is_low_may_be_turned_over_and_what_is_steady_does_not_topple() -> None:
-    slender = rectangle(0, "marker", (0.1, 0.0), (0.012, 0.012))
+    slender = rectangle(0, "marker", (0.1, 0.0), (0.008, 0.008))
     target = rectangle(1, "wineglass", (0.0, 0.0))
     push = plan_push(replace(slender, top=0.014), [target], target, CONFIG)
-    assert (push.why, push.topples, push.height) == ("", False, 0.012)
+    assert (push.why, push.topples, push.height) == ("", False, CONFIG.lowest)
     wide = rectangle(0, "can", (0.1, 0.0), (0.06, 0.06))
     assert not plan_push(wide, [target], target, CONFIG).topples
 
@@ -219,7 +219,7 @@ def test_what_is_higher_than_the_palm_is_pushed_by_opened_fingers() -> None:
 
 
 def test_what_would_topple_is_not_pushed_if_nobody_knows_how_high_it_is() -> None:
-    slender = replace(rectangle(0, "can", (0.0, 0.0), (0.012, 0.012)), top=np.nan)
+    slender = replace(rectangle(0, "can", (0.0, 0.0), (0.008, 0.008)), top=np.nan)
     target = rectangle(1, "wineglass", (0.2, 0.0))
     push = plan_push(slender, [target], target, CONFIG)
     assert push.why == "every push topples it"

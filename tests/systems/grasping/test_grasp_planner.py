@@ -34,7 +34,9 @@ def beside(across: float, height: float) -> Block:
 def masks_of(blocks: Sequence[Block], number: int = 1, tilt: float = 0.0) -> ObjectMasks:
     X_WC = above(0.7, tilt)
     depth, objects = image_of(blocks, X_WC, TABLE)
-    return ObjectMasks(number=number, objects=objects, depth=depth, intrinsics=CAMERA, X_WC=X_WC)
+    return ObjectMasks(
+        number=number, objects=objects, depth=depth, intrinsics=CAMERA, X_WC=X_WC, table=TABLE
+    )
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +46,7 @@ def network() -> OnnxNetwork:
 
 @pytest.fixture
 def planner() -> GraspPlanner:
-    return GraspPlanner(TABLE, CONFIG, 0.1)
+    return GraspPlanner(CONFIG, 0.1)
 
 
 def grasps_at(planner: GraspPlanner, context: Context, masks: ObjectMasks) -> Grasps:
@@ -57,7 +59,7 @@ def grasps_at(planner: GraspPlanner, context: Context, masks: ObjectMasks) -> Gr
 
 @pytest.mark.parametrize("tilt", [0.0, 0.3])
 def test_a_box_is_grasped_across_at_its_middle(network: OnnxNetwork, tilt: float) -> None:
-    best = find_all_grasps(masks_of([BOX], tilt=tilt), TABLE, network, CONFIG).grasps[0][0]
+    best = find_all_grasps(masks_of([BOX], tilt=tilt), network, CONFIG).grasps[0][0]
     R, p = best.X_WE[:3, :3], best.X_WE[:3, 3]
     assert_allclose(R @ R.T, np.eye(3), atol=1e-9)
     assert np.linalg.det(R) == pytest.approx(1.0)
@@ -72,26 +74,24 @@ def test_a_box_is_grasped_across_at_its_middle(network: OnnxNetwork, tilt: float
 def test_a_high_wall_beside_it_is_in_the_way_and_a_low_one_is_stayed_above(
     network: OnnxNetwork,
 ) -> None:
-    high, low = (masks_of([BOX, beside(0.01, height)]) for height in (0.06, 0.03))
-    assert find_all_grasps(high, TABLE, network, CONFIG).grasps[0] == ()
-    best = find_all_grasps(low, TABLE, network, CONFIG).grasps[0][0]
-    assert best.X_WE[2, 3] == pytest.approx(TABLE + 0.03 + CONFIG.clearance, abs=1e-6)
+    high, low = (masks_of([BOX, beside(0.01, height)]) for height in (0.06, 0.02))
+    assert find_all_grasps(high, network, CONFIG).grasps[0] == ()
+    best = find_all_grasps(low, network, CONFIG).grasps[0][0]
+    assert best.X_WE[2, 3] == pytest.approx(TABLE + 0.02 + CONFIG.clearance, abs=1e-6)
 
 
 def test_a_thin_bar_is_grasped_on_a_table_whose_heights_are_noisy(network: OnnxNetwork) -> None:
     bar = Block(middle=(0.0, 0.0), size=(0.13, 0.018, 0.018))
     masks = masks_of([bar])
     noise = np.random.default_rng(0).normal(0.0, 0.002, masks.depth.shape)
-    best = find_all_grasps(
-        replace(masks, depth=masks.depth + noise), TABLE, network, CONFIG
-    ).grasps[0][0]
+    best = find_all_grasps(replace(masks, depth=masks.depth + noise), network, CONFIG).grasps[0][0]
     assert best.X_WE[2, 3] == pytest.approx(TABLE + 0.005, abs=1e-6)
     assert abs(best.X_WE[1, 0]) > np.cos(np.deg2rad(12.0))
 
 
 def test_what_is_too_wide_cannot_be_grasped(network: OnnxNetwork) -> None:
     plate = Block(middle=(0.0, 0.0), size=(0.25, 0.25, 0.06))
-    assert find_all_grasps(masks_of([plate]), TABLE, network, CONFIG).grasps[0] == ()
+    assert find_all_grasps(masks_of([plate]), network, CONFIG).grasps[0] == ()
 
 
 def test_a_grasp_points_down_with_its_opening_along_x() -> None:
@@ -127,6 +127,6 @@ def test_documented_ports_are_the_declared_ones(planner: GraspPlanner) -> None:
 
 def test_impossible_values_and_missing_weights_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="least_quality"):
-        GraspPlanner(TABLE, GraspPlannerConfig(least_quality=0.0), 0.1)
+        GraspPlanner(GraspPlannerConfig(least_quality=0.0), 0.1)
     with pytest.raises(FileNotFoundError, match=r"none\.onnx"):
-        GraspPlanner(TABLE, GraspPlannerConfig(weights=str(tmp_path / "none.onnx")), 0.1)
+        GraspPlanner(GraspPlannerConfig(weights=str(tmp_path / "none.onnx")), 0.1)

@@ -2,19 +2,24 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import islice
+from itertools import islice, product
 from typing import Any
 
 import numpy as np
+from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RigidTransform, RotationMatrix
 
 from crossmodal.controllers.arm.motion_planner import MotionPlanner, box_vertices
 from crossmodal.controllers.primitives.move_object_config import ActionPhase, MoveObjectConfig
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.immutable import Immutable
-from crossmodal.models.gripper_taxels import PALM, TRAVEL
+from crossmodal.models.gripper_taxels import PALM, PALM_ABOVE, TRAVEL, WIDTH
 
 _UP = np.array([0.0, 0.0, 1.0])
+# By which the hand of a push leans to a side if it cannot come straight down: beside high things
+# the wrist, which is thicker than the hand, has no room, [rad].
+_TILTS = np.deg2rad([0.0, 20.0, -20.0])
+_ABOVE = 0.01  # Between palm and what is pushed; heights err by as much, [m].
 _POSTURES = 4  # Of the arm, that are tried for one place of the gripper.
 _SHORT = 2e-3  # By which a straight line may end early, [m].
 _BESIDE = 0.06  # Places that are nearer to each other are alike, [m].
@@ -61,7 +66,7 @@ class ActionPlanner:
     """Plans for one arm; between its plans the gripper is closed in the planner's scene.
 
     On the straight ways of a grasp or a push only the arm is kept away from things: whoever chose
-    it has seen to the gripper's room.
+    it has seen to the gripper's room. Where the arm has none, the hand of a push leans to a side.
 
     Args:
         planner: Of the arm.
@@ -213,16 +218,21 @@ class ActionPlanner:
         self, request: Any, guesses: list[Array], others: dict[str, Array]
     ) -> Iterator[tuple[ActionPlan, float, float]]:
         config = self._config
-        for push in request.pushes:
+        for tilt, push in product(_TILTS, request.pushes):
             along = np.append(push.direction, 0.0)
             across = np.cross(_UP, along)
+            height = push.height + 0.5 * WIDTH * abs(np.sin(tilt))
+            if tilt and not _leans_over(push, height, tilt, request.top):
+                continue
             for sign in (1.0, -1.0):  # Either finger may be in front; z is down.
                 self._look(request, others, push.opening)
-                R_WE = RotationMatrix(np.column_stack([sign * along, -sign * across, -_UP]))
-                X_WE = RigidTransform(R_WE, [*push.place, push.height])
-                for down, _ in self._ways_down(request, X_WE, guesses):
+                down_right = RotationMatrix(np.column_stack([sign * along, -sign * across, -_UP]))
+                R_WE = RotationMatrix(AngleAxis(tilt, along)) @ down_right
+                X_WE = RigidTransform(R_WE, [*push.place, height])
+                is_free = tilt == 0.0
+                for down, _ in self._ways_down(request, X_WE, guesses, hand_is_free=is_free):
                     way = push.length + push.reach
-                    pushed = self._planner.line(down[-1], along, way, hand_is_free=True)
+                    pushed = self._planner.line(down[-1], along, way, hand_is_free=is_free)
                     if self._planner.length(pushed) < push.length:
                         continue
                     legs = (
@@ -239,7 +249,12 @@ class ActionPlanner:
                     break
 
     def _ways_down(
-        self, request: Any, X_WE: RigidTransform, guesses: list[Array], spare: float = 0.0
+        self,
+        request: Any,
+        X_WE: RigidTransform,
+        guesses: list[Array],
+        spare: float = 0.0,
+        hand_is_free: bool = True,
     ) -> Iterator[tuple[Array, float]]:
         """Postures (K, n) along z of E to a pose, from above the object's top.
 
@@ -256,7 +271,7 @@ class ActionPlanner:
             X_before = RigidTransform(X_WE.rotation(), X_WE.translation() - length * z)
             for q in islice(self._planner.postures(X_before, guesses), _POSTURES):
                 if self._planner.is_free(q):
-                    down = self._planner.line(q, z, length, hand_is_free=True)
+                    down = self._planner.line(q, z, length, hand_is_free=hand_is_free)
                     short = length - self._planner.length(down)
                     if short < spare + _SHORT:
                         yield down, short
@@ -279,6 +294,12 @@ class ActionPlanner:
             [*request.obstacles, *around],
             None if around else self._config.near,
         )
+
+
+def _leans_over(push: Any, height: float, tilt: float, top: float) -> bool:
+    """Whether the palm of closed fingers that lean by a tilt [rad] passes over what is pushed."""
+    lowest = height + PALM_ABOVE * np.cos(tilt) - 0.5 * PALM[1] * abs(np.sin(tilt))
+    return push.opening == 0.0 and top + _ABOVE < lowest
 
 
 def _top_near(request: Any, p_WE: Array) -> float:

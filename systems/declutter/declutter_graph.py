@@ -140,7 +140,8 @@ def declutter_graph(
     before others, then that of the highest incoming weight, and among equal ones that of the lowest
     number. A leaf without such an action stays where it is, and what it hangs on counts as a leaf.
     Before all that come actions that are likely to work: a grasp of quality mu_q, and a push that
-    meets nothing, of something on which nothing lies.
+    meets nothing, of something on which nothing lies. Glass is not pushed before: how high it is,
+    and so where its outline lies, is a guess, the better the more of it stands alone.
 
     Args:
         scene: All objects.
@@ -205,7 +206,7 @@ def declutter_graph(
                 if pushes[0].why:
                     why = pushes[0].why
                     continue
-                is_sure = pushes[0].is_sure
+                is_sure = pushes[0].is_sure and not leaf.segment.is_glass
             else:
                 is_sure = qualities[n] >= config.grasp_quality
             vertices[n] = replace(leaf, action=action)

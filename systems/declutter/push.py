@@ -50,9 +50,10 @@ class PushConfig:
     # Free way of the finger before it meets the object, which may be nearer than it seems: two
     # standard deviations of what camera and arm, each 3 mm off, make of it.
     gap: float = number(0.009, at_least=0.0, at_most=0.1, unit="m")
-    # Of the push, from the contact on: as long as it takes, between these two.
+    # Of the push, from the contact on: as long as it takes, between these two. One finger pushes in
+    # a point, from which an object turns away within about its own length.
     shortest: float = number(0.06, above=0.0, at_most=1.0, unit="m")
-    longest: float = number(0.2, above=0.0, at_most=1.0, unit="m")
+    longest: float = number(0.12, above=0.0, at_most=1.0, unit="m")
     # Distance from the target to which it takes the object: beyond mu_d by more than outlines err.
     clear: float = number(0.12, at_least=0.0, at_most=1.0, unit="m")
     # Least distance of the finger and of the object from the target, throughout the push.

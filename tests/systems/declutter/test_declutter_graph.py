@@ -370,6 +370,15 @@ def test_what_is_likely_to_work_comes_first() -> None:
     )
 
 
+def test_glass_is_pushed_when_nothing_else_is_likely_to_work() -> None:
+    target = rectangle(0, "wineglass", (0.0, 0.0))
+    near, glass = rectangle(1, "can", (0.06, 0.0)), rectangle(2, "can", (-0.03, 0.0))
+    assert graph_of(target, near, glass).next == 2
+    glass = replace(glass, is_glass=True)
+    assert graph_of(target, near, glass).next == 1
+    assert graph_of(target, near, glass, tries=failures(2, 2, number=1)).next == 2
+
+
 def test_that_on_which_something_lies_waits() -> None:
     target, low = rectangle(0, "wineglass", (0.0, 0.0)), rectangle(1, "can", (0.03, 0.0))
     above = replace(rectangle(2, "can", (0.05, 0.0)), top=0.1)

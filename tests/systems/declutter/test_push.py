@@ -423,9 +423,9 @@ def test_a_push_is_as_long_as_it_takes(gap: float, beyond: float | None, length:
     others = [target]
     if beyond is not None:
         others.append(rectangle(2, "", (0.08 + gap + beyond, 0.0)))
-    assert push_length(pushed, others, target, np.array([1.0, 0.0]), CONFIG) == pytest.approx(
-        length
-    )
+    config = replace(CONFIG, longest=0.2)
+    found = push_length(pushed, others, target, np.array([1.0, 0.0]), config)
+    assert found == pytest.approx(length)
 
 
 def test_all_pushes_spare_the_target_and_stand_where_it_is_free() -> None:

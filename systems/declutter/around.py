@@ -130,7 +130,9 @@ def free_places(
     there = shapely.polygons(places[:, None] + outline)
     shapely.prepare(there)
     apart = np.min([shapely.distance(there, other.contour) for other in others], axis=0)
-    free = (shapely.distance(there, target.contour) > config.near) & (apart > config.margin)
+    # Outlines of two images differ: what is put down hangs on the target in neither.
+    clear = shapely.distance(there, target.contour) > config.near + 2.0 * config.margin
+    free = clear & (apart > config.margin)
     far = np.linalg.norm(places - segment.centroid, axis=1)
     order = np.lexsort((far, apart <= config.near))
     return np.asarray(places[order[free[order]]])

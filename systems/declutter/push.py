@@ -19,7 +19,15 @@ from shapely.affinity import translate
 
 from crossmodal.maths.arrays import Array, Mask
 from crossmodal.maths.validation import number
-from crossmodal.models.gripper_taxels import ARRAYS, PALM, PALM_ABOVE, TRAVEL, gripper_taxels
+from crossmodal.models.gripper_taxels import (
+    ARRAYS,
+    PALM,
+    PALM_ABOVE,
+    THICKNESS,
+    TRAVEL,
+    WIDTH,
+    gripper_taxels,
+)
 from crossmodal.systems.declutter.segments import INNER
 from crossmodal.systems.port_values import Push, Segment
 
@@ -42,11 +50,8 @@ _TAXELS = -float(_LAYOUT.p_FS[_LAYOUT.array == ARRAYS.index("left_outer"), 2].me
 
 @dataclass(kw_only=True)
 class PushConfig:
-    """The finger, the push, and what an object stands."""
+    """The push, and what an object stands."""
 
-    # Of the closed gripper's two fingers: across and along the push, one behind the other.
-    width: float = number(0.027, above=0.0, at_most=0.5, unit="m")
-    depth: float = number(0.028, above=0.0, at_most=0.5, unit="m")
     # Free way of the finger before it meets the object, which may be nearer than it seems: two
     # standard deviations of what camera and arm, each 3 mm off, make of it.
     gap: float = number(0.009, at_least=0.0, at_most=0.1, unit="m")
@@ -78,24 +83,22 @@ class PushConfig:
     above: float = number(0.01, at_least=0.0, at_most=0.5, unit="m")
 
 
-def away_from_clutter(
-    segment: Segment, others: Sequence[Segment], target: Segment, width: float
-) -> Array:
+def away_from_clutter(segment: Segment, others: Sequence[Segment], target: Segment) -> Array:
     """The unit vector (2,) d = -v / |v| with v = sum_i w_i v_i, v_i the way to another's centroid.
 
-    The paper leaves w_i open. It is 1 / (|v_i|^2 + width^2): the influence |w_i v_i| falls with
-    the distance, yet two centroids that nearly coincide, which say nothing, do not decide. Where v
-    vanishes, d is the way from the target, and where that does, too, along the box's shorter edge.
+    The paper leaves w_i open. It is 1 / (|v_i|^2 + w^2), w the finger's width: the influence
+    |w_i v_i| falls with the distance, yet two centroids that nearly coincide, which say nothing, do
+    not decide. Where v vanishes, d is the way from the target, and where that does, too, along the
+    box's shorter edge.
 
     Args:
         segment: To be pushed.
         others: All others, the target too.
         target: The target.
-        width: Of the finger, [m].
     """
     ways = np.array([other.centroid - segment.centroid for other in others])
     squared = np.square(ways).sum(axis=1)
-    weights = 1.0 / (squared + width**2)
+    weights = 1.0 / (squared + WIDTH**2)
     for v in (weights @ ways / weights.sum(), target.centroid - segment.centroid):
         if np.linalg.norm(v) > _LENGTH:
             return np.asarray(-v / np.linalg.norm(v))
@@ -147,11 +150,11 @@ def finger_places(
     ends = np.array([[[back, offset], [front, offset]] for offset in offsets]).reshape(-1, 2, 2)
     hindmost = shapely.bounds(shapely.intersection(own, shapely.linestrings(ends)))[:, 0]
     offsets, hindmost = (of[np.isfinite(hindmost)] for of in (offsets, hindmost))
-    right, left = offsets - 0.5 * config.width, offsets + 0.5 * config.width
+    right, left = offsets - 0.5 * WIDTH, offsets + 0.5 * WIDTH
     wide = shapely.intersection(own, shapely.box(back, right, front, left))
     rear = shapely.bounds(wide)[:, 0] - config.gap
     points = segment.centroid + np.column_stack([hindmost, offsets]) @ frame
-    depth = 0.5 * config.depth if opening else config.depth
+    depth = THICKNESS if opening else 2.0 * THICKNESS
     return points, np.column_stack([rear - depth, right, rear, left])
 
 
@@ -168,14 +171,13 @@ def rectangles(segment: Segment, direction: Array, edges: Array) -> Array:
     return np.asarray(shapely.polygons(segment.centroid + corners @ _frame(direction)))
 
 
-def lever(offset: float, width: float) -> float:
+def lever(offset: float) -> float:
     """Of a push beside the centroid [m]: zero as long as that is behind the finger's flat face.
 
     Args:
         offset: Of the finger's middle to the left of the line through the centroid, [m].
-        width: Of the finger, [m].
     """
-    return float(np.sign(offset) * max(abs(offset) - 0.5 * width, 0.0))
+    return float(np.sign(offset) * max(abs(offset) - 0.5 * WIDTH, 0.0))
 
 
 def outlines_on_the_way(
@@ -277,7 +279,7 @@ def hand_heights(
     tops = np.nan_to_num([other.top for other in others], nan=np.inf)
     along, across = 0.5 * np.array(PALM)
     right, front, left = fingers[:, 1:].T
-    middle = front - opening - 0.5 * config.depth
+    middle = front - opening - THICKNESS
     sides = 0.5 * (right + left)
     palms = np.column_stack([middle - along, sides - across, middle + along, sides + across])
     # The object goes ahead of the finger: what the palm is above, it is above all the way.
@@ -290,8 +292,8 @@ def hand_heights(
     gaps = np.full(len(fingers), config.gap)
     meets = _swept_meets(segment, direction, fingers, gaps, contours).any(axis=1)
     if opening:
-        behind = front - 2.0 * opening - 0.5 * config.depth  # Front of the other finger.
-        other = np.column_stack([behind - 0.5 * config.depth, right, behind, left])
+        behind = front - 2.0 * opening - THICKNESS  # Front of the other finger.
+        other = np.column_stack([behind - THICKNESS, right, behind, left])
         meets |= _swept_meets(segment, direction, other, ways, contours).any(axis=1)
     return np.asarray(np.where(meets, np.inf, least))
 
@@ -313,7 +315,7 @@ def plan_pushes(
         target: The target.
         config: Of the push.
     """
-    away = away_from_clutter(segment, others, target, config.width)
+    away = away_from_clutter(segment, others, target)
     found, failures = list[tuple[bool, int, bool, Push]](), set[str]()
     for is_beside in (False, True):
         for turn in np.deg2rad(_both_sides(config.largest_turn, _TURN)):
@@ -371,7 +373,7 @@ def _push(
     points, places = finger_places(segment, direction, offsets, config, opening)
     if not len(places):
         return Push(why=SWEEPS)
-    levers = [lever(0.5 * (right + left), config.width) for _, right, _, left in places]
+    levers = [lever(0.5 * (right + left)) for _, right, _, left in places]
     lengths = np.arange(wanted, config.shortest - _LENGTH, -_LONGER)
     instants = np.arange(0.0, wanted + falls + _STEP, _STEP)
     ends = np.ceil((lengths + falls) / _STEP - _LENGTH).astype(int)
@@ -413,7 +415,7 @@ def _push(
             for o in moved
         ):
             _, right, front, left = fingers[best]
-            middle = [front - opening - 0.5 * config.depth, 0.5 * (right + left)]
+            middle = [front - opening - THICKNESS, 0.5 * (right + left)]
             return Push(
                 point=points[place[best]],
                 place=segment.centroid + middle @ _frame(direction),
@@ -437,9 +439,9 @@ def _offsets(segment: Segment, is_beside: bool, config: PushConfig) -> Array:
     edges turn, which is where the lever is less than the ratio of friction's torque and force.
     """
     if not is_beside:
-        return _both_sides(0.5 * config.width, _ASIDE)
+        return _both_sides(0.5 * WIDTH, _ASIDE)
     levers = _both_sides(_torque_per_force(segment), _BESIDE)[1:]
-    return np.asarray(levers + np.sign(levers) * 0.5 * config.width)
+    return np.asarray(levers + np.sign(levers) * 0.5 * WIDTH)
 
 
 def _torque_per_force(segment: Segment) -> float:

@@ -154,8 +154,8 @@ def test_a_target_without_a_name_is_refused() -> None:
 
 
 def test_an_impossible_number_is_refused() -> None:
-    config = replace(DeclutterConfig(), push=replace(PushConfig(), width=-0.01))
-    with pytest.raises(ValueError, match=r"DeclutterPlanner: push\.width = -0\.01 m, need > 0"):
+    config = replace(DeclutterConfig(), push=replace(PushConfig(), longest=-0.01))
+    with pytest.raises(ValueError, match=r"DeclutterPlanner: push\.longest = -0\.01 m, need > 0"):
         DeclutterPlanner("wineglass", config, 0.1)
 
 

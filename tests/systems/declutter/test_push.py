@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose
 from shapely.affinity import scale, translate
 
 from crossmodal.maths.arrays import Array
-from crossmodal.models.gripper_taxels import THICKNESS, TRAVEL
+from crossmodal.models.gripper_taxels import THICKNESS, TRAVEL, WIDTH
 from crossmodal.systems.declutter.push import (
     PushConfig,
     away_from_clutter,
@@ -82,36 +82,36 @@ def test_the_direction_is_away_from_the_weighted_clutter(seed: int) -> None:
     v = np.zeros(2)
     for other in others:
         way = other.centroid - first.centroid
-        v += way / (way @ way + 0.027**2)
+        v += way / (way @ way + WIDTH**2)
     expected = -v / np.linalg.norm(v)
-    found = away_from_clutter(first, others, others[0], 0.027)
+    found = away_from_clutter(first, others, others[0])
     assert_allclose(found, expected, atol=1e-12)
 
 
 def test_nearer_objects_weigh_more() -> None:
     pushed = rectangle(0, "can", (0.0, 0.0))
     near, far = rectangle(1, "can", (0.06, 0.0)), rectangle(2, "can", (-0.2, 0.0))
-    assert_allclose(away_from_clutter(pushed, [near, far], far, 0.027), [-1.0, 0.0], atol=1e-12)
+    assert_allclose(away_from_clutter(pushed, [near, far], far), [-1.0, 0.0], atol=1e-12)
 
 
 def test_an_object_at_the_same_place_does_not_decide() -> None:
     pushed, over = rectangle(0, "can", (0.0, 0.0)), rectangle(1, "can", (0.0, 1e-4))
     beside = rectangle(2, "can", (0.08, 0.0))
-    direction = away_from_clutter(pushed, [over, beside], over, 0.027)
+    direction = away_from_clutter(pushed, [over, beside], over)
     assert direction @ [-1.0, 0.0] > 0.99
 
 
 def test_between_two_objects_it_goes_away_from_the_target() -> None:
     pushed = rectangle(0, "can", (0.5, 0.1))
     sides = [rectangle(1, "can", (0.5, 0.2)), rectangle(2, "wineglass", (0.5, 0.0))]
-    assert_allclose(away_from_clutter(pushed, sides, sides[1], 0.027), [0.0, 1.0], atol=1e-9)
+    assert_allclose(away_from_clutter(pushed, sides, sides[1]), [0.0, 1.0], atol=1e-9)
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.4, -1.2, 2.5])
 def test_at_the_target_s_place_it_goes_along_the_shorter_edge(angle: float) -> None:
     pushed = rectangle(0, "can", (0.5, 0.1), (0.12, 0.04), angle)
     same = rectangle(1, "wineglass", (0.5, 0.1))
-    direction = away_from_clutter(pushed, [same], same, 0.027)
+    direction = away_from_clutter(pushed, [same], same)
     assert abs(direction @ rotation(angle)[:, 1]) == pytest.approx(1.0)
     assert tuple(np.round(direction, 9)) > (0.0, 0.0)
 
@@ -248,10 +248,10 @@ def test_the_finger_stands_behind_the_object(seed: int) -> None:
     own = point - segment.centroid
     assert own @ (LEFT @ d) == pytest.approx(offset)
     assert own @ d == pytest.approx(ahead[on_line].min(), abs=5e-4)
-    in_front = np.abs(aside - offset) <= 0.5 * CONFIG.width
+    in_front = np.abs(aside - offset) <= 0.5 * WIDTH
     local = (box - segment.centroid) @ np.column_stack([d, LEFT @ d])
     assert local[:, 0].max() == pytest.approx(ahead[in_front].min() - CONFIG.gap, abs=5e-5)
-    assert np.ptp(local[:, 0]) == pytest.approx(CONFIG.depth)
+    assert np.ptp(local[:, 0]) == pytest.approx(2.0 * THICKNESS)
     assert_allclose([local[:, 1].min(), local[:, 1].max()], [offset - 0.0135, offset + 0.0135])
     assert segment.contour.intersection(finger).area == 0.0
 
@@ -313,7 +313,7 @@ def brute_force(
 
     Instants of the ways are looked at. What is met goes along and must spare the target, too.
     """
-    away = away_from_clutter(segment, others, target, config.width)
+    away = away_from_clutter(segment, others, target)
     steps = round(config.largest_turn / 10.0)
     inner = scale(segment.contour.convex_hull, 0.8, 0.8, origin="centroid")
     found: list[tuple[int, int, Push]] = []
@@ -359,7 +359,7 @@ def test_a_plan_is_the_best_of_all(seed: int) -> None:
     expected = brute_force(segment, others, target, config)
     push = plan_push(segment, others, target, config)
     if expected is None:
-        assert push.why or lever(offset_of(push, segment), config.width) != 0.0
+        assert push.why or lever(offset_of(push, segment)) != 0.0
         return
     assert push.why == ""
     assert_allclose(push.direction, expected.direction, atol=1e-12)
@@ -368,9 +368,9 @@ def test_a_plan_is_the_best_of_all(seed: int) -> None:
 
 
 def test_a_finger_has_no_lever_while_the_centroid_is_behind_it() -> None:
-    assert [lever(x, 0.03) for x in (0.0, 0.015, -0.01)] == [0.0, 0.0, 0.0]
-    assert lever(0.025, 0.03) == pytest.approx(0.01)
-    assert lever(-0.025, 0.03) == pytest.approx(-0.01)
+    assert [lever(x) for x in (0.0, 0.5 * WIDTH, -0.01)] == [0.0, 0.0, 0.0]
+    assert lever(0.5 * WIDTH + 0.01) == pytest.approx(0.01)
+    assert lever(-0.5 * WIDTH - 0.01) == pytest.approx(-0.01)
 
 
 def test_a_push_beside_the_centroid_turns_as_friction_allows() -> None:
@@ -404,9 +404,9 @@ def test_where_the_middle_is_out_of_reach_an_object_is_pushed_beside_it() -> Non
     wide = replace(target, contour=shapely.box(-0.02, -0.012, 0.02, 0.012))
     push = plan_push(near, [wide], wide, config)
     assert push.why == ""
-    assert abs(lever(offset_of(push, near), CONFIG.width)) > 0.0
+    assert abs(lever(offset_of(push, near))) > 0.0
     assert push.finger.distance(wide.contour) >= CONFIG.clearance
-    assert lever(offset_of(plan_push(pushed, [target], target, config), pushed), 0.027) == 0.0
+    assert lever(offset_of(plan_push(pushed, [target], target, config), pushed)) == 0.0
 
 
 @pytest.mark.parametrize(
@@ -470,7 +470,7 @@ def test_plans_by_lot_are_straight_turned_and_refused() -> None:
         if push.why:
             kinds.add("refused")
         else:
-            away = away_from_clutter(scene[3], others, scene[0], CONFIG.width)
+            away = away_from_clutter(scene[3], others, scene[0])
             turned = away @ push.direction < 1.0 - 1e-9
             kinds.add("turned" if turned else "straight")
             assert np.linalg.norm(push.direction) == pytest.approx(1.0)
@@ -511,7 +511,7 @@ def test_a_push_is_turned_until_it_spares_the_target() -> None:
     target = rectangle(1, "wineglass", (0.09, 0.0))
     behind = [rectangle(2 + k, "can", (-0.045, y)) for k, y in enumerate((-0.1, 0.0, 0.1))]
     others = [target, *behind]
-    away = away_from_clutter(pushed, others, target, CONFIG.width)
+    away = away_from_clutter(pushed, others, target)
     assert away[0] > 0.9
     push = plan_push(pushed, others, target, CONFIG)
     assert push.why == ""

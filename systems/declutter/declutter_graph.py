@@ -166,6 +166,7 @@ def declutter_graph(
             return DeclutterGraph(number=scene.number, why=NO_TARGET)
         root = _beneath(shown, target)
         shown = (*shown, root)
+    root, shown = _as_one(root, shown)
     segments = sorted(shown, key=lambda segment: segment.number)
     numbers = [segment.number for segment in segments]
     if len(set(numbers)) < len(numbers):
@@ -232,6 +233,25 @@ def _in_place_of(remembered: Segment, shown: Sequence[Segment]) -> Segment:
 
     nearest = max(shown, key=alike, default=remembered)
     return nearest if alike(nearest) > _ALIKE else remembered
+
+
+def _as_one(root: Segment, shown: tuple[Segment, ...]) -> tuple[Segment, tuple[Segment, ...]]:
+    """The root with what touches it and has its name, and all objects without that.
+
+    A bottle's cap, far above its shoulders, may be seen as another bottle; of two bottles side by
+    side nobody knows which one is sought. Neither is to be taken away.
+    """
+    own = [
+        segment
+        for segment in shown
+        if segment.name == root.name and segment.contour.distance(root.contour) < 2.0 * _GAP
+    ]
+    if len(own) < 2:
+        return root, shown
+    contour = shapely.union_all([segment.contour for segment in own]).convex_hull
+    whole = replace(root, contour=contour, top=max(segment.top for segment in own))
+    numbers = {segment.number for segment in own}
+    return whole, (whole, *(segment for segment in shown if segment.number not in numbers))
 
 
 def _beneath(shown: Sequence[Segment], target: str) -> Segment:

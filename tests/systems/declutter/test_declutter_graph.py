@@ -235,6 +235,18 @@ def test_two_objects_of_a_class_are_two_vertices() -> None:
     assert [v.segment.name for v in graph.vertices] == ["wineglass", "can", "can"]
 
 
+def test_what_touches_the_target_and_has_its_name_is_a_part_of_it() -> None:
+    target = replace(rectangle(0, "wineglass", (0.0, 0.0), (0.06, 0.06)), top=0.2)
+    cap = replace(rectangle(2, "wineglass", (0.045, 0.0), (0.03, 0.03)), top=0.3)
+    apart = rectangle(3, "wineglass", (-0.09, 0.0))
+    graph = graph_of(target, rectangle(1, "can", (0.07, 0.0)), cap, apart, qualities={2: 0.9})
+    assert [vertex.segment.number for vertex in graph.vertices] in ([0, 1, 3], [0, 3, 1])
+    whole = graph.vertices[0].segment
+    assert whole.contour.contains(cap.contour)
+    assert whole.top == 0.3
+    assert graph_of(target, cap).why == TARGET_FREE
+
+
 def test_of_two_targets_the_larger_one_is_the_root() -> None:
     small = rectangle(0, "wineglass", (0.0, 0.0), (0.03, 0.03))
     large = rectangle(5, "wineglass", (0.06, 0.0), (0.05, 0.05))

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, count
 
 import numpy as np
 from pydrake.common import Parallelism
@@ -96,6 +96,7 @@ class MotionPlanner:
                 if not self._checker.IsCollisionFilteredBetween(a, b):
                     self._checker.SetCollisionFilteredBetween(a, b, True)
         self._q = plant.GetPositions(plant.CreateDefaultContext())
+        self._around, self._names = dict[bytes, str](), count()
 
     def look_at(
         self,
@@ -104,6 +105,8 @@ class MotionPlanner:
         clearance: float | None = None,
     ) -> None:
         """Takes over how other models stand, and what else is in the way.
+
+        Shapes that were there before stay: to add one takes longer than to look for a collision.
 
         Args:
             others: Joint positions by the names of their models.
@@ -114,12 +117,17 @@ class MotionPlanner:
         self._checker.SetPaddingAllRobotEnvironmentPairs(padding)
         for name, q in others.items():
             self._plant.SetPositionsInArray(self._plant.GetModelInstanceByName(name), q, self._q)
-        self._checker.RemoveAllAddedCollisionShapes(_OBSTACLE)
-        for vertices in obstacles:
-            shape = Convex(vertices.T, _OBSTACLE)
-            self._checker.AddCollisionShapeToBody(
-                _OBSTACLE, self._world, shape, RigidTransform.Identity()
-            )
+        wanted = {vertices.tobytes(): vertices for vertices in obstacles}
+        for key in [key for key in self._around if key not in wanted]:
+            self._checker.RemoveAllAddedCollisionShapes(self._around.pop(key))
+        for key, vertices in wanted.items():
+            if key not in self._around:
+                group = f"{_OBSTACLE} {next(self._names)}"
+                shape = Convex(vertices.T, group)
+                self._checker.AddCollisionShapeToBody(
+                    group, self._world, shape, RigidTransform.Identity()
+                )
+                self._around[key] = group
 
     def is_free(self, q: Array) -> bool:
         """Whether the arm at `q` (n,) is within its limits and collides with nothing."""

@@ -167,3 +167,16 @@ def test_on_a_line_whose_hand_is_free_only_the_arm_hits_things(planner: MotionPl
     high = box_vertices(np.array([0.1, 0.1, 0.6]), RigidTransform([x, y, 0.3]))
     planner.look_at(CAMERA_AWAY, [high])
     assert len(planner.line(q, DOWN, 0.2, hand_is_free=True)) == 1
+
+
+def test_shapes_that_come_and_go_are_those_of_the_last_look(planner: MotionPlanner) -> None:
+    aside = box_vertices(np.full(3, 0.1), RigidTransform([0.0, 0.9, 0.5]))
+    for obstacles, is_free in (
+        ([CUBE, aside], False),
+        ([aside], True),
+        ([aside, CUBE], False),
+        ([CUBE], False),
+        ([], True),
+    ):
+        planner.look_at(CAMERA_AWAY, obstacles)
+        assert planner.is_free(0.5 * (UR5_HOME + ASIDE)) == is_free

@@ -46,8 +46,9 @@ def declutter_summary(record: EpisodeRecord) -> dict[str, Any]:
     how many objects hung together with the target in the first image that showed it, `is_free`
     whether none does at the end. `near_before` and `near_after` are the names of those that truly
     were nearer to it than `declutter.near`. `target_moved` is how far the target was truly moved
-    by all actions, `target_noticed` whether an image showed that it was. `arm_offset` is by how
-    much the arm meets objects beside where the camera sees them.
+    by all actions, `target_noticed` whether an image showed that it was. `staying` is what nothing
+    could be done with in the last image, and why. `arm_offset` is by how much the arm meets objects
+    beside where the camera sees them.
     """
     progress = _progress(record)
     graphs = _graphs(record)
@@ -64,6 +65,12 @@ def declutter_summary(record: EpisodeRecord) -> dict[str, Any]:
         "target_found": progress.found,
         "is_free": progress.done and not progress.why,
         "ended": progress.why or ("the target is free" if progress.done else "not yet"),
+        "staying": [
+            {"object": v.segment.name or "unknown", "number": v.segment.number, "why": v.why}
+            for graph in graphs[-1:]
+            for v in graph.vertices[1:]
+            if v.action is None
+        ],
         "target_moved": _target_moved(record),
         "target_noticed": any(targets & set(step.others) for step in progress.steps),
         "arm_offset": _arm_offset(record),
@@ -354,4 +361,5 @@ def declutter_report(clutter: Mapping[str, Any]) -> list[str]:
     for action in clutter["actions"]:
         how = "done" if action["success"] else "failed"
         lines.append(f"  {action['kind']} of the {action['object']}: {action['outcome']} ({how})")
-    return [*lines, f"  {clutter['ended']}"]
+    staying = [f"  the {each['object']} stays: {each['why']}" for each in clutter["staying"]]
+    return [*lines, *staying, f"  {clutter['ended']}"]

@@ -229,3 +229,15 @@ def test_a_person_reads_what_was_done(record: EpisodeRecord) -> None:
     assert lines[0] == "2 objects around the target:"
     assert lines[3] == "  grasp of the can: placed (done)"
     assert lines[-1] == f"  the {TARGET_FREE}"
+
+
+def test_what_stays_is_said_with_the_reason(record: EpisodeRecord) -> None:
+    graph = record.station[-2].values["declutter_graph"]
+    root, other = graph.vertices
+    stuck = replace(other, action=None, why="every push topples it")
+    record.station[-1].values["declutter_graph"] = replace(graph, vertices=(root, stuck), number=9)
+    summary = declutter_summary(record)
+    assert summary["staying"] == [
+        {"object": "unknown", "number": 2, "why": "every push topples it"}
+    ]
+    assert "  the unknown stays: every push topples it" in declutter_report(summary)

@@ -128,7 +128,7 @@ def segments_in(
     heights = view.intrinsics.heights(view.depth, view.X_WC, view.table)
     for one in found:
         edges = glass.get(one.name)
-        lying = highest = 0.0
+        beneath = lying = highest = 0.0
         if edges is not None:
             beneath, highest = _quantiles(heights[one.mask])
             lying = beneath + 0.5 * float(np.sort(edges)[1])
@@ -148,7 +148,7 @@ def segments_in(
         if edges is None:
             covered = covered_share(one.mask, solid & ~one.mask, view.depth, _BEFORE)
         else:
-            top = highest + greatest_height(segment, edges)
+            top = top_of_glass(segment, edges, beneath, highest)
         segment = replace(
             segment,
             top=top,
@@ -197,6 +197,20 @@ def table_error(heights: Array, largest: float) -> float:
     """
     near = heights[np.abs(np.nan_to_num(heights, nan=np.inf)) < largest]
     return float(np.median(near)) if len(near) else 0.0
+
+
+def top_of_glass(segment: Segment, edges: Array, beneath: float, highest: float) -> float:
+    """How high glass may be above the table, by what is seen through it, [m].
+
+    It stands on what most of it is above, or lies on the highest of that.
+
+    Args:
+        segment: The object.
+        edges: Of its bounding box (3,), [m].
+        beneath: Height that half of what is seen through it has at most, [m].
+        highest: Likewise of nine tenths, [m].
+    """
+    return max(beneath + greatest_height(segment, edges), highest + float(edges.min()))
 
 
 class Segmenter(RecursiveFilter):

@@ -15,6 +15,7 @@ from crossmodal.systems.segmentation.segmenter import (
     Segmenter,
     SegmenterConfig,
     greatest_height,
+    top_of_glass,
 )
 from tests.documented_ports import documented_ports
 
@@ -136,6 +137,16 @@ def test_glass_that_lies_is_not_as_high_as_it_is_long(length: float, top: float)
     contour = shapely.box(0.0, 0.0, length, 0.08)
     found = greatest_height(Segment(number=0, contour=contour), np.array([0.08, 0.2, 0.08]))
     assert found == pytest.approx(top)
+
+
+def test_glass_lies_on_the_highest_or_stands_on_the_most_of_what_is_beneath() -> None:
+    edges = np.array([0.08, 0.2, 0.08])
+    lying = Segment(number=0, contour=shapely.box(0.0, 0.0, 0.21, 0.08))
+    assert top_of_glass(lying, edges, 0.0, 0.0) == pytest.approx(0.08)
+    assert top_of_glass(lying, edges, 0.0, 0.15) == pytest.approx(0.23)
+    standing = Segment(number=0, contour=shapely.box(0.0, 0.0, 0.08, 0.08))
+    height = greatest_height(standing, edges)
+    assert top_of_glass(standing, edges, 0.02, 0.05) == pytest.approx(0.02 + height)
 
 
 def test_masks_say_which_pixels_show_which_object(rig: Rig) -> None:

@@ -6,11 +6,11 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
 from crossmodal.diagrams.flap.robot_config import FINGER, FINGER_ARM, HOLDER, HOLDER_ARM
 from crossmodal.diagrams.flap.robot_view import make_robot_view
+from crossmodal.diagrams.run.believed import arm_pose, calibrated_arm, depth_camera
 from crossmodal.diagrams.run.calibration import Calibration
 from crossmodal.diagrams.stations.add_monitors import add_image_monitor, add_window_monitor
 from crossmodal.diagrams.stations.connections import connect_alike, export_outputs
-from crossmodal.systems.arm_pose import ArmPose
-from crossmodal.systems.depth_camera import DepthCamera, with_shift
+from crossmodal.systems.depth_camera import DepthCamera
 from crossmodal.systems.flap.flap_angle import FlapAngleConfig, FlapAngleFilter
 from crossmodal.systems.flap.flap_geometry import HingeLimitsConfig
 from crossmodal.systems.flap.hinge.hinge_estimator import HingeEstimator, HingeEstimatorConfig
@@ -27,7 +27,6 @@ from crossmodal.systems.proprioception.end_effector_pose import (
     EndEffectorPoseConfig,
 )
 from crossmodal.systems.registration.arm_registration import ArmRegistration, ArmRegistrationConfig
-from crossmodal.systems.registration.registration_solver import CalibratedArm
 from crossmodal.systems.shared_settings import with_shared
 from crossmodal.systems.tactile.fingertip_motion import FingertipMotion, FingertipMotionConfig
 from crossmodal.systems.tactile.taxel_layout import TaxelLayout
@@ -64,27 +63,6 @@ class PerceptionConfig:
     tool: ToolKinematicsConfig = field(default_factory=ToolKinematicsConfig)
 
 
-def believed_camera(calibration: Calibration) -> DepthCamera:
-    """The depth camera as the robot believes it to be."""
-    camera = calibration.camera
-    covariance = with_shift(camera.pose_covariance, camera.intrinsics, camera.registration_std)
-    return DepthCamera(
-        intrinsics=camera.intrinsics,
-        X_WC=camera.X_PC.GetAsMatrix4(),
-        pose_covariance=covariance,
-        registration_std=camera.registration_std,
-        depth_scale_std=camera.depth_scale_std,
-        focal_length_std=camera.focal_length_std,
-        latency_std=camera.latency_std,
-    )
-
-
-def arm_pose(calibration: Calibration, name: str) -> ArmPose:
-    """The kinematics of an arm as the robot believes them to be."""
-    arm = calibration.arms[name]
-    return ArmPose(arm.model, arm.covariance, arm.joint_offset_std)
-
-
 def make_estimator(
     name: str,
     config: PerceptionConfig,
@@ -109,7 +87,7 @@ def make_estimator(
     """
     config = with_shared(config, period=period, noise=calibration.noise, windows=config.windows)
     builder = DiagramBuilder()
-    camera = believed_camera(calibration)
+    camera = depth_camera(calibration)
     tracker = builder.AddNamedSystem("flap_tracker", FlapTracker(config.tracker, camera))
     registration = _add_registration(builder, config, calibration, camera)
     fingertip, holder = _add_arms(builder, config, calibration, layout, registration)
@@ -148,14 +126,10 @@ def _add_registration(
     builder: DiagramBuilder, config: PerceptionConfig, calibration: Calibration, camera: DepthCamera
 ) -> System:
     """What compares camera and arms."""
-    arms = {}
-    for owner, name in ((HOLDER, HOLDER_ARM), (FINGER, FINGER_ARM)):
-        arm = calibration.arms[name]
-        arms[owner] = CalibratedArm(
-            X_WBase=arm.X_WBase.GetAsMatrix4(),
-            base_covariance=arm.covariance,
-            joint_offset_std=arm.joint_offset_std,
-        )
+    arms = {
+        owner: calibrated_arm(calibration, name)
+        for owner, name in ((HOLDER, HOLDER_ARM), (FINGER, FINGER_ARM))
+    }
     return builder.AddNamedSystem(
         "arm_registration",
         ArmRegistration(config.registration, make_robot_view(calibration), camera, arms),

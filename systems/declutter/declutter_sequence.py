@@ -53,6 +53,7 @@ LEFT_ALONE = "nothing is to be taken away"
 TOO_MANY = "as many actions as are allowed"
 UNREACHABLE = "unreachable"  # An outcome of an arm: it has not moved.
 BLOCKED = "blocked"  # Another one: something was in its way.
+ARM_VIEW = 1  # Number of the view of the arm, where there is one.
 _CENTRED = 2  # How often the camera is moved aside between two actions.
 NO_VIEW_LEFT = "the camera gets to no view of the table"
 
@@ -279,8 +280,8 @@ class DeclutterSequence(RecursiveFilter):
             # What is not possible has ended by now; for anything else the camera leaves.
             return replace(state, view=replace(state.view, home=True))
         if state.looks == 0 and self._X_WArmView is not None:
-            view = replace(self._table, number=1, X_WC=self._X_WArmView)
-            return replace(state, phase=DeclutterPhase.ARM, looks=1, view=view)
+            view = replace(self._table, number=ARM_VIEW, X_WC=self._X_WArmView)
+            return replace(state, phase=DeclutterPhase.ARM, looks=ARM_VIEW, view=view)
         if state.phase is DeclutterPhase.ARM:
             seen = self._arm_offset(context).view, int(self._read(self._unreachable, context)[0])
             return self._look(state) if state.view.number in seen else state

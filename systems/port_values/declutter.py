@@ -317,7 +317,7 @@ class ArmOffset(Immutable):
     Attributes:
         mean: (3,), [m].
         covariance: (3, 3), [m^2].
-        view: Number of the last view that has shown the arm; zero before.
+        view: Number of the view of the arm that is counted in; zero before.
     """
 
     mean: Array = field(default_factory=lambda: np.zeros(3))

@@ -10,7 +10,6 @@ from pydrake.systems.sensors import ImageDepth32F
 
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
-from crossmodal.maths.immutable import Immutable
 from crossmodal.maths.validation import check
 from crossmodal.systems.depth_camera import DepthCamera
 from crossmodal.systems.port_values import ArmOffset, StampedImage, displacement_at
@@ -47,17 +46,6 @@ class LookedAt:
     X_WC: Array
 
 
-@dataclass(frozen=True, kw_only=True)
-class SeenArmState(Immutable):
-    """What was seen.
-
-    Attributes:
-        offset: By which the arm meets things beside where they are seen.
-    """
-
-    offset: ArmOffset
-
-
 class SeenArm(RecursiveFilter):
     """Compares, in one image, where an arm is seen with where its encoders say that it is.
 
@@ -77,7 +65,7 @@ class SeenArm(RecursiveFilter):
     Frames: W world, C camera, Q the place.
 
     Args:
-        number: Of the view that shows the arm.
+        number: Of the view that shows the arm; zero: there is none.
         place: Where objects are.
         camera: As believed; its pose is that of the image, the covariance of that is by how it is
             mounted.
@@ -119,15 +107,13 @@ class SeenArm(RecursiveFilter):
             before_images(place.p_W, self._unknowns.size, config),
             covariance=prior_covariance(self._unknowns, place.p_W, at_place, {ARM: arm}),
         )
-        self._declare_recursion(
-            SeenArmState(offset=self._offset(unseen, place.X_WC, 0)), self._calc, period
-        )
-        self._declare_latest("arm_offset", lambda state: state.offset)
+        self._declare_recursion(self._offset(unseen, place.X_WC, 0), self._calc, period)
+        self._declare_latest("arm_offset", lambda offset: offset)
 
-    def _calc(self, context: Context, state: Any) -> SeenArmState:
-        before: SeenArmState = state
+    def _calc(self, context: Context, offset: Any) -> ArmOffset:
+        before: ArmOffset = offset
         looked = int(self._read(self._looked, context)[0])
-        if looked != self._number or before.offset.view == looked:
+        if looked != self._number or before.view == looked:
             return before
         image: StampedImage = self._read(self._depth, context)
         q = {ARM: np.array(self._read(self._joints, context))[: len(self._arm.joint_offset_std)]}
@@ -143,8 +129,8 @@ class SeenArm(RecursiveFilter):
             self._config,
         )
         if found is None:
-            return SeenArmState(offset=replace(before.offset, view=looked))
-        return SeenArmState(offset=self._offset(found, image.X_WC, looked))
+            return replace(before, view=looked)
+        return self._offset(found, image.X_WC, looked)
 
     def _offset(self, found: RegistrationState, X_WC: Array, view: int) -> ArmOffset:
         """The arm's displacement at the place less that of what the camera sees there.

@@ -17,20 +17,16 @@ from crossmodal.controllers.primitives.move_object import MoveObject
 from crossmodal.diagrams.clutter.robot_config import CAMERA_ARM, GRIPPER, TOUCH_ARM, TOUCHER
 from crossmodal.diagrams.clutter.scenario import target_name
 from crossmodal.diagrams.clutter.station.believed_arms import BelievedArms
-from crossmodal.diagrams.clutter.station.robot_sensors import (
-    RobotSensors,
-    believed_depth_camera,
-    calibrated_arm,
-    touch_arm_view,
-)
+from crossmodal.diagrams.clutter.station.robot_sensors import RobotSensors, touch_arm_view
 from crossmodal.diagrams.clutter.station.wiring import StationWiring
+from crossmodal.diagrams.run.believed import calibrated_arm, depth_camera
 from crossmodal.diagrams.stations.drives import add_drives, follow
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
 from crossmodal.plants.goods.dense_clutter import mesh_vertices
 from crossmodal.systems.declutter.arm_offset import ArmOffsetFilter
 from crossmodal.systems.declutter.declutter_planner import DeclutterPlanner
-from crossmodal.systems.declutter.declutter_sequence import DeclutterSequence
+from crossmodal.systems.declutter.declutter_sequence import ARM_VIEW, DeclutterSequence
 from crossmodal.systems.grasping.grasp_planner import GraspPlanner
 from crossmodal.systems.port_values import ViewRequest
 from crossmodal.systems.pose.target_model import TargetModel
@@ -89,6 +85,7 @@ def add_declutter_control(
     region = shapely.box(*low, *high)
     table = _table_box(region, height)
     places, X_WArmView = _places(arms, table), _arm_view(arms, table)
+    arm_view = 0 if X_WArmView is None else ARM_VIEW
     add = builder.AddNamedSystem
     segmenter = add(
         "segmenter",
@@ -100,7 +97,7 @@ def add_declutter_control(
             {name: np.ptp(mesh_vertices(name), axis=0) for name in CLASSES[1:] if name != OTHER},
             perception.segmenter,
             period,
-            skipped=0 if X_WArmView is None else 1,
+            skipped=arm_view,
         ),
     )
     grasps = add("grasp_planner", GraspPlanner(perception.grasps, period))
@@ -110,10 +107,10 @@ def add_declutter_control(
     seen_arm = add(
         "seen_arm",
         SeenArm(
-            1,
+            arm_view,
             LookedAt(p_W=table.X_WB[:3, 3] * [1.0, 1.0, 0.0], X_WC=places[0]),
-            believed_depth_camera(wiring.calibration),
-            calibrated_arm(wiring.calibration),
+            depth_camera(wiring.calibration),
+            calibrated_arm(wiring.calibration, TOUCH_ARM),
             _JOINTS,
             partial(touch_arm_view, wiring.calibration),
             perception.registration,
@@ -253,15 +250,15 @@ def _views(
 ) -> Iterator[Array]:
     """X_WC (4, 4) from which a place (3,) is seen, one for each elevation [deg] that has any."""
     planner, home = arms.planners[CAMERA_ARM], arms.q_home[CAMERA_ARM]
+    planner.look_at(
+        {TOUCH_ARM: arms.q_home[TOUCH_ARM]},
+        [box_vertices(table.box_edges, RigidTransform(table.X_WB))],
+    )
     for elevation in np.deg2rad(elevations):
         for azimuth in np.deg2rad(_AZIMUTHS):
             level = np.cos(elevation)
             out = [level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)]
             X_WC = se3.looking_at(p_W + distance * np.array(out), p_W)
-            planner.look_at(
-                {TOUCH_ARM: arms.q_home[TOUCH_ARM]},
-                [box_vertices(table.box_edges, RigidTransform(table.X_WB))],
-            )
             if planner.posture(RigidTransform(X_WC), [home]) is not None:
                 yield X_WC
                 break

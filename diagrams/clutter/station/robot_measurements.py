@@ -8,8 +8,9 @@ from pydrake.systems.framework import OutputPort, System
 from crossmodal.diagrams.clutter.robot_config import CAMERA_ARM, TOUCH_ARM
 from crossmodal.diagrams.clutter.scenario import Scenario, is_transparent, target_name
 from crossmodal.diagrams.clutter.station.robot_control import RobotControl
-from crossmodal.diagrams.clutter.station.robot_sensors import RobotSensors, arm_pose
+from crossmodal.diagrams.clutter.station.robot_sensors import RobotSensors
 from crossmodal.diagrams.clutter.station.wiring import StationWiring
+from crossmodal.diagrams.run.believed import arm_pose
 from crossmodal.diagrams.run.calibration import Calibration
 from crossmodal.models.gripper_taxels import RADIUS, gripper_taxels, tip_taxels
 from crossmodal.systems.pose.evidence import Table

@@ -19,6 +19,7 @@ from crossmodal.diagrams.clutter.robot_config import (
     TOUCHER,
 )
 from crossmodal.diagrams.clutter.station.wiring import StationWiring
+from crossmodal.diagrams.run.believed import arm_pose
 from crossmodal.diagrams.run.calibration import Calibration
 from crossmodal.diagrams.run.sensor_streams.stream_faults import add_stream_faults
 from crossmodal.diagrams.stations.add_arm import add_encoders
@@ -36,9 +37,6 @@ from crossmodal.plants.hands.taxel_gripper import finger_shapes
 from crossmodal.plants.robots.arm_with_hand import add_robot
 from crossmodal.plants.robots.panda import ARM_JOINTS as PANDA_JOINTS
 from crossmodal.plants.robots.ur5 import ARM_JOINTS as UR5_JOINTS
-from crossmodal.systems.arm_pose import ArmPose
-from crossmodal.systems.depth_camera import DepthCamera
-from crossmodal.systems.registration.registration_solver import CalibratedArm
 from crossmodal.systems.registration.robot_view import ArmChain, RobotView
 from crossmodal.systems.registration.seen_arm import ARM
 from crossmodal.systems.sensors.finger_encoders import FingerEncoders
@@ -68,37 +66,8 @@ class RobotSensors:
     mask: OutputPort
 
 
-def arm_pose(calibration: Calibration, name: str) -> ArmPose:
-    """Where an arm's end-effector is by its joints, as the robot knows it."""
-    arm = calibration.arms[name]
-    return ArmPose(arm.model, arm.covariance, arm.joint_offset_std)
-
-
-def believed_depth_camera(calibration: Calibration) -> DepthCamera:
-    """The camera; its pose is that of what carries it, which is nowhere in particular."""
-    (camera,) = calibration.cameras.values()
-    return DepthCamera(
-        intrinsics=camera.intrinsics,
-        X_WC=np.eye(4),
-        pose_covariance=camera.pose_covariance,
-        depth_scale_std=camera.depth_scale_std,
-        focal_length_std=camera.focal_length_std,
-    )
-
-
-def calibrated_arm(calibration: Calibration) -> CalibratedArm:
-    """The touching arm."""
-    arm = calibration.arms[TOUCH_ARM]
-    return CalibratedArm(
-        X_WBase=arm.X_WBase.GetAsMatrix4(),
-        base_covariance=arm.covariance,
-        joint_offset_std=arm.joint_offset_std,
-    )
-
-
 def touch_arm_view(calibration: Calibration, X_WC: Array) -> RobotView:
     """Renders the touching arm where it believes to be, from a pose of the camera (4, 4)."""
-    (camera,) = calibration.cameras.values()
 
     def build(plant: MultibodyPlant) -> None:
         X_WBase = calibration.arms[TOUCH_ARM].X_WBase
@@ -106,7 +75,7 @@ def touch_arm_view(calibration: Calibration, X_WC: Array) -> RobotView:
 
     return RobotView(
         build,
-        renderer_intrinsics(camera.intrinsics),
+        renderer_intrinsics(calibration.camera.intrinsics),
         RigidTransform(X_WC),
         {ARM: ArmChain(TOUCH_ARM, UR5_JOINTS, GRIPPER)},
     )

@@ -84,6 +84,7 @@ class World:
         weight: Of that, [N].
         friction: Shear over normal at which it is lost.
         obstacle: Height of what meets the fingers' ends on the way down, [m].
+        sideways: Load across the fingers until it is lowered, [N].
         resistance: Of what is pushed, [N].
         pushed: From where to where the finger meets it (2,), along y of W, [m].
     """
@@ -92,6 +93,7 @@ class World:
     weight: float = 3.0
     friction: float = 0.6
     obstacle: float = -1.0
+    sideways: float = 0.0
     resistance: float = 1.0
     pushed: tuple[float, float] = (AT[1] - 0.014, 1.0)
 
@@ -117,6 +119,8 @@ class World:
         for finger, sign in enumerate((1.0, -1.0)):
             forces[INNER[finger], 0] = sign * normal[finger] / 16.0
             forces[INNER[finger], 2] = 0.5 * load / 16.0
+            if load and phase != ActionPhase.LOWER:
+                forces[INNER[finger], 1] = 0.5 * self.sideways / 16.0
         return forces, fingers
 
 
@@ -234,6 +238,15 @@ def test_what_slips_is_put_down_where_it_was(
     assert ActionPhase.CARRY not in trial.phases
     assert trial.phases[trial.phases.index(phase) + 1] == ActionPhase.LOWER
     assert_allclose(end.X_WE[:3, 3], X_GRASP[:3, 3], atol=2e-3)
+
+
+def test_a_load_across_the_fingers_that_fades_does_not_drop_what_is_held(
+    planner: MotionPlanner,
+) -> None:
+    _, end = done(planner, GRASP, World(weight=1.0, sideways=2.0))
+    assert end.outcome == "placed"
+    # It is let go where it has been lifted from, not above.
+    assert end.X_WE[2, 3] == pytest.approx(HEIGHT, abs=6e-3)
 
 
 def test_what_drops_while_it_is_carried_has_slipped_there(planner: MotionPlanner) -> None:

@@ -25,6 +25,7 @@ from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
 
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.validation import number
+from crossmodal.systems.declutter.fingers import comes_down
 from crossmodal.systems.declutter.push import PushConfig, plan_pushes
 from crossmodal.systems.declutter.segments import intersection_over_union
 from crossmodal.systems.port_values import (
@@ -40,6 +41,7 @@ from crossmodal.systems.port_values import (
 NO_TARGET = "no target in view"
 TARGET_FREE = "target is free"
 NOTHING_LEFT = "nothing that is in the way can be moved"
+BLOCKED = "every push begins where something has stopped a finger"
 
 _ALIKE = 0.5  # IoU of two outlines of one object.
 _GAP = 0.005  # Half the largest distance between objects of one heap, [m].
@@ -204,8 +206,9 @@ def declutter_graph(
             pushes: tuple[Push, ...] = ()
             if action is DeclutterAction.PUSH:
                 pushes = plan_pushes(leaf.segment, others, root, config.push)
-                if pushes[0].why:
-                    why = pushes[0].why
+                why = pushes[0].why or BLOCKED
+                pushes = tuple(push for push in pushes if not push.why and comes_down(push, tries))
+                if not pushes:
                     continue
                 is_sure = pushes[0].is_sure and not leaf.segment.is_glass
             else:

@@ -1,11 +1,13 @@
 """The planner of what to take away: the declutter graph of each new image."""
 
+from dataclasses import replace
 from typing import Any
 
 from pydrake.systems.framework import Context
 
 from crossmodal.maths.validation import check
 from crossmodal.systems.declutter.declutter_graph import DeclutterConfig, declutter_graph
+from crossmodal.systems.declutter.fingers import grasps_left
 from crossmodal.systems.port_values import (
     NO_GRAPH,
     NO_GRASPS,
@@ -68,9 +70,9 @@ class DeclutterPlanner(RecursiveFilter):
         waits = any(of is not None and of.number != scene.number for of in (found, tries))
         if scene.number == before.number or waits:
             return before
-        grasps = found or NO_GRASPS
+        failed = tries or NO_TRIES
+        grasps = replace(found or NO_GRASPS, grasps=grasps_left(found or NO_GRASPS, failed))
         qualities = {number: grasps.best(number) for number in grasps.grasps}
         seen = before.vertices and not before.is_guess
         remembered = before.vertices[0].segment if seen else None
-        failed = tries or NO_TRIES
         return declutter_graph(scene, self._target, qualities, failed, self._config, remembered)

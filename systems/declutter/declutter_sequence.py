@@ -23,6 +23,7 @@ from crossmodal.systems.declutter.around import (
 )
 from crossmodal.systems.declutter.declutter_graph import NO_TARGET, TARGET_FREE
 from crossmodal.systems.declutter.displacement import displacement
+from crossmodal.systems.declutter.fingers import grasps_left
 from crossmodal.systems.port_values import (
     NO_ACTION,
     NO_GRAPH,
@@ -101,6 +102,7 @@ class SequenceState(Immutable):
             was covered.
         request: The last action.
         outcome: What the arm said of it; empty once it is judged.
+        met: What the fingers met in it (K, 3), see `ActionEnd.contacts`.
         scene: The last image that was judged.
         rests: Where each object has come to rest, by its number.
         decided: Number of the image after which was decided what to do.
@@ -120,6 +122,7 @@ class SequenceState(Immutable):
     sides: int = 0
     request: ActionRequest = NO_ACTION
     outcome: str = ""
+    met: Array = field(default_factory=lambda: np.zeros((0, 3)))
     scene: Segments = NO_SEGMENTS
     rests: Mapping[int, Segment] = field(default_factory=dict)
     decided: int = 0
@@ -276,7 +279,7 @@ class DeclutterSequence(RecursiveFilter):
         if state.phase is DeclutterPhase.CLEAR:
             end = self._read(self._end, context)
             if end.number == state.request.number:
-                return self._look(replace(state, outcome=str(end.outcome)))
+                return self._look(replace(state, outcome=str(end.outcome), met=end.contacts))
             # What is not possible has ended by now; for anything else the camera leaves.
             return replace(state, view=replace(state.view, home=True))
         if state.looks == 0 and self._X_WArmView is not None:
@@ -293,7 +296,7 @@ class DeclutterSequence(RecursiveFilter):
             return self._look_elsewhere(state, NO_VIEW_LEFT)
         scene: Segments = self._read(self._segments, context)
         if scene.number > state.scene.number:
-            return self._judged(state, scene)
+            return self._judged(state, scene, self._arm_offset(context).mean)
         graph: DeclutterGraph = self._read(self._graph, context)
         if graph.number == scene.number > state.decided:
             return self._decide(context, replace(state, decided=scene.number), graph)
@@ -319,20 +322,34 @@ class DeclutterSequence(RecursiveFilter):
     def _look_from_next(self, state: SequenceState) -> SequenceState:
         return self._look(replace(state, place=(state.place + 1) % len(self._places)))
 
-    def _centred(self, state: SequenceState) -> SequenceState | None:
-        """Moves the camera over the middle of all objects if its image cuts one off."""
-        segments = state.scene.segments
-        if state.centred == _CENTRED or not any(segment.is_cut for segment in segments):
+    def _centred(self, state: SequenceState, graph: DeclutterGraph) -> SequenceState | None:
+        """Moves the camera over the target and what is next, if its image cuts them off.
+
+        While the target was never seen, over all that is cut off.
+        """
+        wanted = {graph.next, *(v.segment.number for v in graph.vertices[:1])}
+        cut = [
+            segment.contour
+            for segment in state.scene.segments
+            if segment.is_cut and (graph.is_guess or segment.number in wanted)
+        ]
+        if state.centred == _CENTRED or not cut:
             return None
-        x, y, right, up = shapely.total_bounds([segment.contour for segment in segments])
+        x, y, right, up = shapely.total_bounds(cut)
         middle = 0.5 * np.array([x + right, y + up])
         before = state.middle if len(state.middle) else self._table.X_WB[:2, 3]
         if np.linalg.norm(middle - before) < self._config.moved:
             return None
         return self._look(replace(state, middle=middle, centred=state.centred + 1))
 
-    def _judged(self, state: SequenceState, scene: Segments) -> SequenceState:
-        """With what the last action, if there was one, has done."""
+    def _judged(self, state: SequenceState, scene: Segments, offset: Array) -> SequenceState:
+        """With what the last action, if there was one, has done.
+
+        Args:
+            state: Before.
+            scene: The new image.
+            offset: Of the arm from what the camera sees (3,), [m].
+        """
         tries, progress, moved = state.tries, state.progress, set[int]()
         if state.outcome:
             step = judge(
@@ -345,8 +362,10 @@ class DeclutterSequence(RecursiveFilter):
             )
             moved = {step.object, *step.others}
             progress = replace(progress, steps=(*progress.steps, step))
+            from_above = np.isinf(state.met[:, 2])
+            tries = tries.blocked_at(state.met[from_above, :2] - offset[:2])
             if step.worked:
-                tries = tries.after_motion(self._near(state.rests, moved))
+                tries = tries.after_motion(*self._near(state.rests, moved))
             elif step.outcome == UNREACHABLE:
                 tries = tries.out_of_reach(step.object, step.action)
             else:
@@ -355,16 +374,24 @@ class DeclutterSequence(RecursiveFilter):
         rests = resting_places(state.rests, scene, moved)
         return replace(state, scene=scene, rests=rests, outcome="", tries=tries, progress=progress)
 
-    def _near(self, rests: Mapping[int, Segment], moved: Collection[int]) -> set[int]:
-        """Numbers of the objects near which the moved ones have rested, these among them."""
+    def _near(
+        self, rests: Mapping[int, Segment], moved: Collection[int]
+    ) -> tuple[set[int], shapely.Geometry]:
+        """What the moved objects may have hindered, while they were where they have rested.
+
+        Returns:
+            Numbers of the objects near them, these among them; and where they were, and a finger
+            may have met them.
+        """
         gone = shapely.union_all([rests[n].contour for n in moved])
         near = self._config.around.near
-        return {n for n, segment in rests.items() if segment.contour.distance(gone) < near}
+        numbers = {n for n, segment in rests.items() if segment.contour.distance(gone) < near}
+        return numbers, gone.buffer(self._config.moved)
 
     def _decide(
         self, context: Context, state: SequenceState, graph: DeclutterGraph
     ) -> SequenceState:
-        centred = self._centred(state)
+        centred = self._centred(state, graph)
         if centred is not None:
             return centred
         target = state.scene.largest(self._target)
@@ -386,9 +413,9 @@ class DeclutterSequence(RecursiveFilter):
         segments = [*(vertex.segment for vertex in graph.vertices), *graph.apart]
         others = [segment for segment in segments if segment.number != graph.next]
         grasps: Grasps = self._read(self._grasps, context)
-        found = grasps.grasps.get(graph.next, ())
+        found = grasps_left(grasps, state.tries).get(graph.next, ())
         action = vertex.action or DeclutterAction.PUSH
-        failed = state.tries.count(graph.next, action)
+        failed = state.tries.failed.get((graph.next, action), 0)
         is_grasp = action is DeclutterAction.GRASP
         around = self._config.around
         places = free_places(vertex.segment, others, graph.vertices[0].segment, around)

@@ -72,6 +72,41 @@ def on_plane(uv: Array, intrinsics: Intrinsics, X_WC: Array, z: Array) -> Array:
     return np.asarray(X_WC[:2, 3] + (down / -rays[:, 2])[:, None] * rays[:, :2])
 
 
+def shown_part(
+    region: shapely.Polygon, intrinsics: Intrinsics, X_WC: Array, z: float
+) -> shapely.Geometry:
+    """The part of a region in W that an image shows of a plane of height z, [m].
+
+    All of it, where a corner of the image shows what is beyond the plane's horizon.
+    """
+    ends = [(0.0, float(size - 1)) for size in (intrinsics.width, intrinsics.height)]
+    corners = np.array(list(product(*ends)))
+    try:
+        places = on_plane(corners, intrinsics, X_WC, np.full(len(corners), z))
+    except ValueError:
+        return region
+    return region.intersection(shapely.MultiPoint(places).convex_hull)
+
+
+def still_there(
+    before: tuple[Segment, ...], now: tuple[Segment, ...], shown: shapely.Geometry
+) -> tuple[Segment, ...]:
+    """The objects that a new image does not show since its border cuts them off, as before.
+
+    Args:
+        before: The objects until now.
+        now: Those in the image, with the numbers that they had.
+        shown: Part of the table that it shows, in W.
+    """
+    numbers = {segment.number for segment in now}
+    seen = shapely.union_all([shown, *(segment.contour for segment in now)])
+    return tuple(
+        replace(segment, pixels=shapely.Polygon(), covered=0.0, is_cut=True)
+        for segment in before
+        if segment.number not in numbers and not seen.contains(segment.contour.centroid)
+    )
+
+
 def segment_of_mask(
     number: int,
     name: str,

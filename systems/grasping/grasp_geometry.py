@@ -14,7 +14,9 @@ from crossmodal.systems.grasping.height_map import CELL, CELLS, HeightMap, highe
 STROKE = 2.0 * TRAVEL  # Widest opening, [m].
 MARGIN = 0.008  # Between object and fingers on each side before they close, [m].
 
-_LOWEST = 0.005  # Least height of the fingers' ends above the table, [m].
+# Least height of the fingers' ends above the table, on which they come down softly; their inner
+# taxels are 8 mm higher, about where a pen that lies is widest, [m].
+_LOWEST = 0.001
 _DEEPEST = 0.045  # So far the fingers reach down beside an object, [m]: the inner taxels and more.
 _BETWEEN = 15  # Points along each edge of what is between the fingers.
 _PALM_STEP = 0.005  # Between points of the palm that are looked at, [m].

@@ -21,6 +21,7 @@ from crossmodal.maths.pinhole import Intrinsics
 from crossmodal.systems.port_values.pose import Bodies
 
 _NOTHING: shapely.Geometry = shapely.Polygon()
+_NOWHERE: shapely.Geometry = shapely.MultiPoint()
 
 
 class DeclutterAction(StrEnum):
@@ -43,7 +44,8 @@ class Segment(Immutable):
         top: Height of the object above the table, [m]; NaN where it is not known.
         is_glass: Whether a depth camera looks through it; the top is the greatest possible, then.
         covered: Share of its outline in the image along which another object is before it, 0 to 1.
-        is_cut: Whether the image's border cuts it off.
+        is_cut: Whether the image's border cuts it off; all of it where it has no pixels, then it is
+            where it was when it was seen last.
 
     Raises:
         ValueError: for a contour without an area and for one that crosses itself.
@@ -140,12 +142,14 @@ class Tries(Immutable):
         hindered: Likewise of those that something in the way prevented, since something near the
             object was moved: that may have been it.
         unreachable: Which the arm could not even begin since then: it could not do so again.
+        blocked: Places in W at which a finger came down on something that rests there still.
     """
 
     number: int = 0
     failed: Mapping[tuple[int, DeclutterAction], int] = field(default_factory=dict)
     hindered: Mapping[tuple[int, DeclutterAction], int] = field(default_factory=dict)
     unreachable: frozenset[tuple[int, DeclutterAction]] = frozenset()
+    blocked: shapely.Geometry = _NOWHERE
 
     def may(self, number: int, action: DeclutterAction, tries: int) -> bool:
         """Whether an action may be tried on an object, of which so many tries are allowed."""
@@ -166,10 +170,20 @@ class Tries(Immutable):
         """After one that the arm could not even begin."""
         return replace(self, unreachable=self.unreachable | {(number, action)})
 
-    def after_motion(self, near: Collection[int]) -> "Tries":
-        """After something was moved near these objects, which may have been in the way."""
+    def blocked_at(self, places: Array) -> "Tries":
+        """After fingers came down on something at these places (K, 2), in W, [m]."""
+        return replace(self, blocked=self.blocked.union(shapely.MultiPoint(places)))
+
+    def after_motion(self, near: Collection[int], gone: shapely.Geometry) -> "Tries":
+        """After something was moved, which may have been in the way.
+
+        Args:
+            near: Numbers of the objects near which it was.
+            gone: Where it was, in W.
+        """
         return replace(
             self,
+            blocked=self.blocked.difference(gone),
             hindered={key: count for key, count in self.hindered.items() if key[0] not in near},
             unreachable=frozenset(key for key in self.unreachable if key[0] not in near),
         )

@@ -14,7 +14,12 @@ from crossmodal.maths.arrays import Array, Mask
 from crossmodal.maths.immutable import Immutable
 from crossmodal.maths.pinhole import Intrinsics
 from crossmodal.maths.validation import check, number
-from crossmodal.systems.declutter.segments import segment_of_mask, with_known_numbers
+from crossmodal.systems.declutter.segments import (
+    segment_of_mask,
+    shown_part,
+    still_there,
+    with_known_numbers,
+)
 from crossmodal.systems.onnx_network import OnnxNetwork
 from crossmodal.systems.port_values import (
     NO_MASKS,
@@ -223,7 +228,8 @@ class Segmenter(RecursiveFilter):
       segmented.
 
     Output ports:
-    - `segments`: `Segments` of the last tick, numbered from one image to the next.
+    - `segments`: `Segments` of the last tick, numbered from one image to the next; what was seen
+      before and is beyond the image's border is there still.
     - `object_masks`: `ObjectMasks` of the same image.
 
     State: `SegmenterState`.
@@ -288,11 +294,13 @@ class Segmenter(RecursiveFilter):
         objects = np.full(view.depth.shape, -1)
         for segment, mask in zip(named, masks, strict=True):
             objects[mask] = segment.number
+        shown = shown_part(self._region, view.intrinsics, view.X_WC, view.table)
+        segments = (*named, *still_there(before.segments.segments, named, shown))
         count = before.segments.number + 1
         known = {segment.number: segment for segment in (*before.known, *named)}
         return SegmenterState(
             looked=looked,
-            segments=Segments(number=count, time=image.time, segments=named, table=view.table),
+            segments=Segments(number=count, time=image.time, segments=segments, table=view.table),
             masks=ObjectMasks(
                 number=count,
                 view=looked,

@@ -181,8 +181,8 @@ def _arm_offset(record: EpisodeRecord) -> dict[str, Any] | None:
     if not (poses and masks and offsets):
         return None
     p, last = poses[0].translation(), offsets[-1]
-    true = true_offset(record.scenario, record.calibration, masks[0].X_WC, p)[:2]
-    mean, covariance = last.mean[:2], last.covariance[:2, :2]
+    true = true_offset(record.scenario, record.calibration, masks[0].X_WC, p)
+    mean, covariance = last.mean, last.covariance
     error = true - mean
     distance = float(error @ np.linalg.solve(covariance, error))
     return {
@@ -191,7 +191,7 @@ def _arm_offset(record: EpisodeRecord) -> dict[str, Any] | None:
         "deviation": np.sqrt(np.diag(covariance)).tolist(),
         "error_before": float(np.linalg.norm(true)),
         "error": float(np.linalg.norm(error)),
-        "inside_claim": distance < chi_square_gate(0.05, 2),
+        "inside_claim": distance < chi_square_gate(0.05, len(error)),
     }
 
 

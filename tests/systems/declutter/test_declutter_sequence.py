@@ -37,12 +37,14 @@ from crossmodal.systems.port_values import (
     Grasps,
     Segment,
     Segments,
+    Tries,
     ViewRequest,
 )
 from tests.documented_ports import documented_ports
 from tests.systems.declutter.scenes import image, rectangle
 
 PLACES = [np.eye(4), np.diag([1.0, -1.0, -1.0, 1.0])]
+NOWHERE = np.zeros((0, 3))
 TABLE = ViewRequest(box_edges=np.array([0.6, 0.8, 0.4]))
 
 
@@ -83,7 +85,7 @@ class Robot:
         self.views: list[ViewRequest] = []
         self.fix("segments", Segments())
         self.fix("grasps", Grasps())
-        self.fix("action_end", SimpleNamespace(number=0, outcome=""))
+        self.fix("action_end", SimpleNamespace(number=0, outcome="", contacts=NOWHERE))
         self.fix("view_planned", NO_VIEW)
         self.system.GetInputPort("unreachable").FixValue(self.context, [0.0])
         self.tick()
@@ -143,7 +145,12 @@ class Robot:
             self.objects[request.object] = replace(moved, contour=translate(moved.contour, *way))
         elif outcome == "falls":
             del self.objects[request.object]
-        self.fix("action_end", SimpleNamespace(number=request.number, outcome=outcome))
+        contacts = NOWHERE
+        if outcome == "blocked" and request.pushes:
+            push = request.pushes[0]
+            contacts = np.append(push.place + 0.01 * push.direction, np.inf)[None]
+        end = SimpleNamespace(number=request.number, outcome=outcome, contacts=contacts)
+        self.fix("action_end", end)
 
     def run(self, ticks: int = 200) -> "Robot":
         for _ in range(ticks):
@@ -203,7 +210,7 @@ def test_first_the_arm_is_looked_at(is_reached: bool) -> None:
             ("segments", Segments()),
             ("grasps", Grasps()),
             ("declutter_graph", NO_GRAPH),
-            ("action_end", SimpleNamespace(number=0, outcome="")),
+            ("action_end", SimpleNamespace(number=0, outcome="", contacts=NOWHERE)),
             ("view_planned", NO_VIEW),
             ("arm_offset", offset),
         ):
@@ -303,7 +310,7 @@ def test_what_the_arm_cannot_begin_fails_without_the_camera_leaving() -> None:
     robot.look(robot.read("view_latest"))  # type: ignore[arg-type]
     while not robot.read("action_request").number:  # type: ignore[attr-defined]
         robot.tick()
-    robot.fix("action_end", SimpleNamespace(number=1, outcome=UNREACHABLE))
+    robot.fix("action_end", SimpleNamespace(number=1, outcome=UNREACHABLE, contacts=NOWHERE))
     robot.tick()
     view = robot.read("view_latest")
     assert (view.number, view.home) == (2, False)  # type: ignore[attr-defined]
@@ -427,12 +434,28 @@ def test_what_was_moved_by_accident_is_noticed(
 
 
 @pytest.mark.parametrize("reach", [np.inf, 0.05])
-def test_the_camera_goes_over_all_objects_where_its_image_cuts_one_off(reach: float) -> None:
-    objects = {0: rectangle(0, "wineglass", (0.2, 0.0)), 1: rectangle(1, "can", (0.25, 0.0))}
-    robot = Robot(objects, edge=0.15, reach=reach).run()
+def test_the_camera_goes_over_what_is_next_where_its_image_cuts_it_off(reach: float) -> None:
+    objects = {
+        0: rectangle(0, "wineglass", (0.15, 0.0)),
+        1: rectangle(1, "can", (0.21, 0.0)),
+        2: rectangle(2, "sponge", (-0.3, 0.0)),  # It is not in the way.
+    }
+    robot = Robot(objects, edge=0.2, reach=reach).run()
     assert robot.progress.done
     assert robot.requests
     places = np.array([view.X_WC[:2, 3] for view in robot.views])
-    assert_allclose(places[:2], [[0.0, 0.0], [0.225, 0.0]], atol=1e-9)
+    assert_allclose(places[:2], [[0.0, 0.0], [0.21, 0.0]], atol=1e-9)
     if np.isfinite(reach):  # It goes on with what it can see.
         assert_allclose(places[2], 0.0)
+
+
+def test_no_push_begins_where_a_finger_was_stopped_until_what_is_there_has_moved() -> None:
+    objects = row("wineglass", "can")
+    robot = Robot(objects, outcomes=["blocked", "done"])
+    robot.run()
+    first, second, *_ = robot.requests
+    assert first.object == second.object == 1
+    assert np.linalg.norm(first.pushes[0].place - second.pushes[0].place) > 0.01
+    tries = robot.read("tries")
+    assert isinstance(tries, Tries)
+    assert tries.blocked.is_empty  # The can, behind which that was, has gone.

@@ -68,9 +68,13 @@ def test_failures_are_counted_by_object_and_action() -> None:
         False,
         False,
     ]
-    elsewhere, here = tries.after_motion({3}), tries.after_motion({4, 5})
+    tries = tries.blocked_at(np.array([[0.1, 0.0], [0.3, 0.0]]))
+    gone = shapely.box(0.0, -0.1, 0.2, 0.1)
+    elsewhere, here = tries.after_motion({3}, shapely.Polygon()), tries.after_motion({4, 5}, gone)
     assert [elsewhere.count(3, grasp), elsewhere.may(4, grasp, 3)] == [1, False]
     assert [here.count(3, grasp), here.may(4, grasp, 3)] == [2, True]
+    assert len(shapely.get_parts(elsewhere.blocked)) == 2
+    assert shapely.get_coordinates(here.blocked).tolist() == [[0.3, 0.0]]
 
 
 def test_a_graph_without_this_object_names_those_that_it_has() -> None:

@@ -31,7 +31,7 @@ def grasp(z: float = 0.02) -> Array:
 
 
 def test_fingers_go_deep_but_not_into_the_table() -> None:
-    assert_allclose(fingertip_height(np.array([0.0, 0.02, 0.1])), [0.005, 0.005, 0.055])
+    assert_allclose(fingertip_height(np.array([0.0, 0.02, 0.1])), [0.001, 0.001, 0.055])
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])

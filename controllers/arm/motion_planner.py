@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
-from itertools import combinations, count
+from itertools import combinations, count, product
 
 import numpy as np
 from pydrake.common import Parallelism
@@ -90,6 +90,9 @@ class MotionPlanner:
             env_collision_padding=self._config.clearance,
             implicit_context_parallelism=Parallelism(1),
         )
+        welded = plant.GetBodiesWeldedTo(self._world)
+        # The world, in which obstacles are, and what stands still in it.
+        self._still = [b.index() for b in welded if not self._checker.IsPartOfRobot(b)]
         self._hand = [body for hand in instances[1:] for body in plant.GetBodyIndices(hand)]
         for hand in instances[1:]:  # Its parts may touch each other: the fingers of a closed hand.
             for a, b in combinations(plant.GetBodyIndices(hand), 2):
@@ -165,15 +168,15 @@ class MotionPlanner:
 
     @contextmanager
     def _without_hand(self) -> Iterator[None]:
-        """The hand hits nothing of the world."""
-        world = self._world.index()
-        for body in self._hand:
-            self._checker.SetCollisionFilteredBetween(body, world, True)
+        """The hand hits nothing that stands still, as a table."""
+        pairs = list(product(self._hand, self._still))
+        for pair in pairs:
+            self._checker.SetCollisionFilteredBetween(*pair, True)
         try:
             yield
         finally:
-            for body in self._hand:
-                self._checker.SetCollisionFilteredBetween(body, world, False)
+            for pair in pairs:
+                self._checker.SetCollisionFilteredBetween(*pair, False)
 
     def _line(self, q_start: Array, direction: Array, length: float) -> Array:
         q, still = q_start, np.zeros(len(q_start))

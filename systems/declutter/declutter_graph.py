@@ -60,6 +60,9 @@ class DeclutterConfig:
     # mu_q: an object with a better grasp is grasped. On 92 views that our network had not learned
     # from, 71 % of such grasps hold by geometry, of those of .35 to .7 a third, of others a tenth.
     grasp_quality: float = number(0.7, at_least=0.0, at_most=1.0)
+    # Share of an object's outline that others may be before: else it is taken away after those that
+    # are seen whole, and looked at from elsewhere before that.
+    covered: float = number(0.25, at_least=0.0, at_most=1.0)
     # Of each action on each object.
     tries: int = number(2, at_least=1, at_most=100)
     push: PushConfig = field(default_factory=PushConfig)
@@ -142,7 +145,7 @@ def declutter_graph(
     before others, then that of the highest incoming weight, and among equal ones that of the lowest
     number. A leaf without such an action stays where it is, and what it hangs on counts as a leaf.
     Before all that come actions that are likely to work: a grasp of quality mu_q, and a push that
-    meets nothing, of something on which nothing lies. Glass is not pushed before: how high it is,
+    meets nothing, of something that is seen whole and on which nothing lies. Glass is not pushed before: how high it is,
     and so where its outline lies, is a guess, the better the more of it stands alone.
 
     Args:
@@ -214,8 +217,9 @@ def declutter_graph(
             else:
                 is_sure = qualities[n] >= config.grasp_quality
             vertices[n] = replace(leaf, action=action)
-            possible.append(replace(graph, next=n, pushes=pushes, why=""))
-            if is_sure and n not in beneath:
+            is_covered = leaf.segment.covered > config.covered
+            possible.append(replace(graph, next=n, is_covered=is_covered, pushes=pushes, why=""))
+            if is_sure and n not in beneath and not is_covered:
                 return replace(possible[-1], vertices=tuple(vertices.values()))
             break
         else:

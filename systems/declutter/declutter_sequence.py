@@ -70,9 +70,6 @@ class DeclutterSequenceConfig:
     # An object has been moved if it has gone as far; outlines of two images of one that rests
     # differ by less.
     moved: float = number(0.02, above=0.0, at_most=1.0, unit="m")
-    # Share of an object's outline that may be covered by others when it is taken away: else it is
-    # looked at from elsewhere before, so far as there are places.
-    covered: float = number(0.25, at_least=0.0, at_most=1.0)
     around: AroundConfig = field(default_factory=AroundConfig)
 
 
@@ -408,7 +405,7 @@ class DeclutterSequence(RecursiveFilter):
         if len(begun) >= self._config.actions:
             return self._ended(state, TOO_MANY, target)
         vertex = graph.vertex(graph.next)
-        if vertex.segment.covered > self._config.covered and state.sides + 1 < len(self._places):
+        if graph.is_covered and state.sides + 1 < len(self._places):
             return self._look_from_next(replace(state, sides=state.sides + 1))
         segments = [*(vertex.segment for vertex in graph.vertices), *graph.apart]
         others = [segment for segment in segments if segment.number != graph.next]

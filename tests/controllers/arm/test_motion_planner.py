@@ -169,6 +169,15 @@ def test_on_a_line_whose_hand_is_free_only_the_arm_hits_things(planner: MotionPl
     assert len(planner.line(q, DOWN, 0.2, hand_is_free=True)) == 1
 
 
+def test_a_hand_that_is_free_comes_down_to_the_table_and_below(planner: MotionPlanner) -> None:
+    q = planner.posture(ABOVE_TABLE, [UR5_HOME])
+    assert q is not None
+    height = ABOVE_TABLE.translation()[2]
+    assert planner.length(planner.line(q, DOWN, height + 0.01)) < height
+    whole = planner.line(q, DOWN, height + 0.01, hand_is_free=True)
+    assert planner.length(whole) == pytest.approx(height + 0.01, abs=1e-4)
+
+
 def test_shapes_that_come_and_go_are_those_of_the_last_look(planner: MotionPlanner) -> None:
     aside = box_vertices(np.full(3, 0.1), RigidTransform([0.0, 0.9, 0.5]))
     for obstacles, is_free in (

@@ -145,8 +145,9 @@ def declutter_graph(
     before others, then that of the highest incoming weight, and among equal ones that of the lowest
     number. A leaf without such an action stays where it is, and what it hangs on counts as a leaf.
     Before all that come actions that are likely to work: a grasp of quality mu_q, and a push that
-    meets nothing, of something that is seen whole and on which nothing lies. Glass is not pushed before: how high it is,
-    and so where its outline lies, is a guess, the better the more of it stands alone.
+    meets nothing, of something that is seen whole and on which nothing lies. Glass is not pushed
+    before: how high it is, and so where its outline lies, is a guess, the better the more of it
+    stands alone.
 
     Args:
         scene: All objects.

@@ -259,7 +259,7 @@ class DeclutterGraph(Immutable):
         is_guess: Whether no image has shown the target yet, so that the root is only where it may
             be.
         next: Number of the object to take away; -1 for none.
-        is_covered: Whether others are before much of that, so that it should be seen from elsewhere.
+        is_covered: Whether others are before much of that, so that it is to be seen from elsewhere.
         pushes: How it may be pushed, where it is to be, the best one first.
         why: Why there is none, in words.
     """

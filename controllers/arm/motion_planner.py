@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
-from itertools import combinations, count, product
+from itertools import combinations, count
 
 import numpy as np
 from pydrake.common import Parallelism
@@ -92,8 +92,8 @@ class MotionPlanner:
         )
         welded = plant.GetBodiesWeldedTo(self._world)
         # The world, in which obstacles are, and what stands still in it.
-        self._still = [b.index() for b in welded if not self._checker.IsPartOfRobot(b)]
-        self._hand = [body for hand in instances[1:] for body in plant.GetBodyIndices(hand)]
+        self._still = [int(b.index()) for b in welded if not self._checker.IsPartOfRobot(b)]
+        self._hand = [int(b) for hand in instances[1:] for b in plant.GetBodyIndices(hand)]
         for hand in instances[1:]:  # Its parts may touch each other: the fingers of a closed hand.
             for a, b in combinations(plant.GetBodyIndices(hand), 2):
                 if not self._checker.IsCollisionFilteredBetween(a, b):
@@ -169,14 +169,14 @@ class MotionPlanner:
     @contextmanager
     def _without_hand(self) -> Iterator[None]:
         """The hand hits nothing that stands still, as a table."""
-        pairs = list(product(self._hand, self._still))
-        for pair in pairs:
-            self._checker.SetCollisionFilteredBetween(*pair, True)
+        filtered = np.array(self._checker.GetFilteredCollisionMatrix())  # It is a view.
+        without = filtered.copy()
+        without[np.ix_(self._hand, self._still)] = without[np.ix_(self._still, self._hand)] = 1
+        self._checker.SetCollisionFilterMatrix(without)
         try:
             yield
         finally:
-            for pair in pairs:
-                self._checker.SetCollisionFilteredBetween(*pair, False)
+            self._checker.SetCollisionFilterMatrix(filtered)
 
     def _line(self, q_start: Array, direction: Array, length: float) -> Array:
         q, still = q_start, np.zeros(len(q_start))

@@ -10,6 +10,8 @@ from pydrake.solvers import Solve
 
 from crossmodal.maths.arrays import Array
 
+_ALIKE = 0.05  # Postures whose joints differ by less are one, [rad].
+
 
 def inverse_kinematics(arm: MultibodyPlant, X_WE: RigidTransform, q_guess: Array) -> Array:
     """Joint positions (n,) that put E at `X_WE`, far from the joints' limits.
@@ -36,7 +38,7 @@ def all_inverse_kinematics(
     restarts: int,
     spread: float,
 ) -> Iterator[Array]:
-    """Joint positions (n,) that put E at `X_WE`, one of each start that leads to some, [rad].
+    """Joint positions (n,) that put E at `X_WE`, each once, [rad].
 
     The solver stops short of a pose here and there; then another start may get to it.
 
@@ -56,7 +58,10 @@ def all_inverse_kinematics(
     weight = np.diag(1.0 / (upper - lower) ** 2)
     solver.prog().AddQuadraticErrorCost(weight, 0.5 * (lower + upper), solver.q())
     offsets = np.random.default_rng(0).normal(0.0, spread, (restarts, arm.num_positions()))
+    found = list[Array]()
     for guess in [*guesses, *(guesses[0] + offsets)]:
         result = Solve(solver.prog(), guess)
-        if result.is_success():
-            yield np.asarray(result.GetSolution(solver.q()))
+        q = np.asarray(result.GetSolution(solver.q()))
+        if result.is_success() and all(np.abs(q - other).max() > _ALIKE for other in found):
+            found.append(q)
+            yield q

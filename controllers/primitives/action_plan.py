@@ -187,13 +187,19 @@ class ActionPlanner:
         config = self._config
         failed = list[Array]()
         heights = np.maximum(config.lift, request.passed + config.above)
-        highest = self._planner.line(q, _UP, heights.max(), hand_is_free=True)
-        possible = heights < self._planner.length(highest) + _SHORT
-        for place, height in zip(request.places[possible], heights[possible], strict=True):
-            if any(np.linalg.norm(place - other) < _BESIDE for other in failed):
+        highest = max((vertices[:, 2].max() for vertices in request.obstacles), default=0.0)
+        length = max(heights.max(), highest + config.above)
+        up = self._planner.line(q, _UP, length, hand_is_free=True)
+        step = self._planner.length(up) / max(len(up) - 1, 1)
+        least = np.ceil((heights - _SHORT) / max(step, _SHORT)).astype(int)
+        # Beside something high the hand has room above it only.
+        free = [k for k in range(least.min(), len(up)) if self._planner.is_free(up[k])]
+        ends = np.append(free, len(up))[np.searchsorted(free, least)]
+        for place, end in zip(request.places, ends, strict=True):
+            if end == len(up) or any(np.linalg.norm(place - p) < _BESIDE for p in failed):
                 continue
             failed.append(place)
-            lift = self._planner.line(q, _UP, height, hand_is_free=True)
+            lift, height = up[: end + 1], end * step
             way = np.append(place - p_WE[:2], 0.0)
             length = float(np.linalg.norm(way))
             level = self._planner.line(lift[-1], way / max(length, 1e-9), length)

@@ -206,11 +206,15 @@ class ActionPlanner:
             if self._planner.length(level) < length - _SHORT:
                 continue
             fast = self._planner.line(level[-1], -_UP, height - config.above)
-            slow = self._planner.line(fast[-1], -_UP, height - self._planner.length(fast))
-            if self._planner.length(fast) + self._planner.length(slow) < height - _SHORT:
+            # Its place has room for the fingers, too; a table may be lower than believed.
+            rest = height - self._planner.length(fast)
+            if rest > config.above + _SHORT:
+                continue
+            slow = self._planner.line(fast[-1], -_UP, rest, hand_is_free=True)
+            if self._planner.length(slow) < rest - _SHORT:
                 continue
             # What it has lain on may have been something else: it goes on to the table.
-            further = self._planner.line(slow[-1], -_UP, p_WE[2])
+            further = self._planner.line(slow[-1], -_UP, max(p_WE[2], 0.0))
             slow = np.vstack([slow, further[1:]])
             return (
                 Leg(phase=ActionPhase.LIFT, postures=lift, speed=config.carry_speed),

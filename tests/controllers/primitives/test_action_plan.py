@@ -3,16 +3,17 @@
 import numpy as np
 import pytest
 import shapely
-from known_scene import CAMERA_AWAY, touch_planner
+from known_scene import CAMERA_AWAY, touch_arm, touch_planner
 from numpy.testing import assert_allclose
-from pydrake.math import RigidTransform
+from pydrake.math import RigidTransform, RotationMatrix
 
 from crossmodal.controllers.arm.motion_planner import box_vertices
 from crossmodal.controllers.primitives.action_plan import ActionPlan, ActionPlanner
-from crossmodal.controllers.primitives.move_object_config import MoveObjectConfig
+from crossmodal.controllers.primitives.move_object_config import ActionPhase, MoveObjectConfig
 from crossmodal.maths.arrays import Array
+from crossmodal.models.gripper_taxels import PALM_ABOVE
 from crossmodal.plants.robots.ur5 import UR5_HOME
-from crossmodal.systems.port_values import ActionRequest, Push
+from crossmodal.systems.port_values import ActionRequest, DeclutterAction, Grasp, Push
 
 AT, LENGTH = np.array([0.6, 0.0]), 0.1
 BOTTLE = box_vertices(np.array([0.06, 0.06, 0.3]), RigidTransform([0.6, -0.075, 0.15]))
@@ -61,3 +62,50 @@ def test_where_the_leaning_palm_would_meet_the_object_there_is_no_plan(
     planner: ActionPlanner,
 ) -> None:
     assert planned(planner, (BOTTLE,), top=0.13) is None
+
+
+def grasped(
+    planner: ActionPlanner, height: float, obstacles: tuple[Array, ...] = ()
+) -> ActionPlan | None:
+    """A grasp at a height [m] in W, where the table is believed to be at 0; it goes aside by .2 m."""
+    X_WE = RigidTransform(RotationMatrix.MakeXRotation(np.pi), [*AT, height])
+    grasp = Grasp(X_WE=X_WE.GetAsMatrix4(), width=0.05, quality=0.9)
+    request = ActionRequest(
+        number=1,
+        action=DeclutterAction.GRASP,
+        object=1,
+        grasps=(grasp,),
+        places=np.array([[0.6, 0.2]]),
+        passed=np.zeros(1),
+        top=0.03,
+        obstacles=obstacles,
+    )
+    return planner.plan(request, UR5_HOME, [UR5_HOME], CAMERA_AWAY)
+
+
+@pytest.mark.parametrize("height", [0.02, -0.01])
+def test_what_is_grasped_is_put_down_where_the_table_may_be(
+    planner: ActionPlanner, height: float
+) -> None:
+    """One that is lower than believed, too."""
+    plan = grasped(planner, height)
+    assert plan is not None
+    ends = [
+        touch_arm().Evaluate(np.append(leg.postures[-1], np.zeros(6))).X_WE[:3, 3]
+        for leg in plan.legs
+        if leg.postures is not None
+    ]
+    assert [leg.phase for leg in plan.legs if leg.postures is not None][-1] is ActionPhase.LOWER
+    assert_allclose(ends[-1][:2], [0.6, 0.2], atol=2e-3)
+    assert min(height, 0.0) - 2e-3 < ends[-1][2] < height + 2e-3
+    assert ends[2][2] - height == pytest.approx(MoveObjectConfig().lift, abs=0.01)
+
+
+def test_beside_something_high_it_is_lifted_above_that(planner: ActionPlanner) -> None:
+    wall = box_vertices(np.array([0.06, 0.06, 0.25]), RigidTransform([0.69, 0.0, 0.125]))
+    plan = grasped(planner, 0.02, (wall,))
+    assert plan is not None
+    lift = next(leg for leg in plan.legs if leg.phase is ActionPhase.LIFT)
+    assert lift.postures is not None
+    X_WE = touch_arm().Evaluate(np.append(lift.postures[-1], np.zeros(6))).X_WE
+    assert 0.02 + MoveObjectConfig().lift < 0.25 - PALM_ABOVE < X_WE[2, 3] < 0.2

@@ -112,17 +112,18 @@ class Grip(Immutable):
     def pressing(
         self, forces: FingerForces, measured: Array, period: float, config: GripConfig
     ) -> "Grip":
-        """The grip one decision later, while both fingers press alike.
+        """The grip one decision later, while both fingers press.
 
         What is wanted grows with what is carried, so that shear over normal stays below what
-        friction bears; arguments as for `closing`.
+        friction bears. Both commands move alike: what pushes the object to a side meets the drives'
+        stiffness and does not move it. Arguments as for `closing`.
         """
         needed = 0.5 * forces.load / config.load
         force = float(np.clip(max(needed, self.force), config.force, config.largest_force))
         error = (force - forces.normal.mean()) / config.stiffness
-        farthest = measured - config.largest_force / config.stiffness
-        step = min(_GAIN * error, config.finger_speed * period)
-        return replace(self, command=np.maximum(self.command - step, farthest), force=force)
+        most = self.command.mean() - measured.mean() + config.largest_force / config.stiffness
+        step = min(_GAIN * error, config.finger_speed * period, most)
+        return replace(self, command=self.command - step, force=force)
 
     def has(self, forces: FingerForces, measured: Array, config: GripConfig) -> bool:
         """Whether something is between the fingers: they are apart and press.

@@ -67,7 +67,7 @@ def test_where_the_leaning_palm_would_meet_the_object_there_is_no_plan(
 def grasped(
     planner: ActionPlanner, height: float, obstacles: tuple[Array, ...] = ()
 ) -> ActionPlan | None:
-    """A grasp at a height [m] in W, where the table is believed to be at 0; it goes aside by .2 m."""
+    """A grasp at a height in W [m]; the table is believed to be at zero."""
     X_WE = RigidTransform(RotationMatrix.MakeXRotation(np.pi), [*AT, height])
     grasp = Grasp(X_WE=X_WE.GetAsMatrix4(), width=0.05, quality=0.9)
     request = ActionRequest(

@@ -57,6 +57,21 @@ def test_what_no_taxel_feels_is_met_and_not_crushed() -> None:
     assert not grip_of(np.zeros(2), np.zeros(2)).has(nothing, np.zeros(2), CONFIG)
 
 
+@pytest.mark.parametrize("felt", [1.0, 0.3], ids=["all is felt", "much is not felt"])
+def test_what_pushes_the_object_to_a_side_hardly_moves_it(felt: float) -> None:
+    """The object is between springs; what its edges press with is not felt."""
+    half, place, push = 0.02, 0.0, 3.0
+    grip = Grip(command=np.full(2, half), met=np.ones(2, bool), force=CONFIG.force)
+    for _ in range(400):
+        sides = half + np.array([place, -place])
+        fingers = (CONFIG.stiffness * grip.command + OBJECT * sides) / (CONFIG.stiffness + OBJECT)
+        pressed = OBJECT * (sides - fingers)
+        place += 1e-5 * (push + pressed[1] - pressed[0])  # It gives way slowly.
+        forces = FingerForces(normal=felt * pressed, shear=np.zeros(2))
+        grip = grip.pressing(forces, fingers, PERIOD, CONFIG)
+    assert place == pytest.approx(0.5 * push * (1.0 / CONFIG.stiffness + 1.0 / OBJECT), rel=0.1)
+
+
 def test_fingers_that_meet_nothing_close() -> None:
     grip = grip_of(np.zeros(2), np.zeros(2))
     assert np.isfinite(grip.since)

@@ -13,6 +13,8 @@ from crossmodal.systems.declutter.segments import (
     on_plane,
     outline,
     segment_of_mask,
+    shown_part,
+    still_there,
     with_known_numbers,
 )
 from crossmodal.systems.port_values import Segment
@@ -208,3 +210,33 @@ def test_without_known_objects_numbers_begin_at_zero() -> None:
     seen = (rectangle(5, "can", (0.0, 0.0)), rectangle(6, "can", (0.1, 0.0)))
     assert numbers(with_known_numbers(seen, (), reach=0.1)) == [0, 1]
     assert with_known_numbers((), seen, reach=0.1) == ()
+
+
+def test_an_image_shows_a_part_of_the_table() -> None:
+    wide = shapely.box(-5.0, -5.0, 5.0, 5.0)
+    shown = shown_part(wide, CAMERA, above(0.6), TABLE)
+    x, y = np.ptp(shapely.get_coordinates(shown), axis=0)
+    assert sorted([x, y]) == pytest.approx([0.479, 0.639])  # As far as its outer pixels' middles.
+    assert_allclose(shapely.get_coordinates(shown.centroid)[0], MIDDLE, atol=1e-9)
+    narrow = shapely.box(*(MIDDLE - 0.01), *(MIDDLE + 0.01))
+    assert shown_part(narrow, CAMERA, above(0.6), TABLE).equals(narrow)
+
+
+def test_where_the_horizon_is_seen_all_of_the_table_is() -> None:
+    region = shapely.box(0.0, 0.0, 1.0, 1.0)
+    ahead = se3.looking_at(np.array([0.0, 0.0, 0.5]), np.array([1.0, 0.0, 0.5]))
+    assert shown_part(region, CAMERA, ahead, TABLE).equals(region)
+
+
+def test_what_is_beyond_the_image_is_still_there() -> None:
+    shown = shapely.box(0.0, 0.0, 1.0, 1.0)
+    inside, seen, beyond, taken = (
+        rectangle(number, "can", place)
+        for number, place in enumerate([(0.5, 0.5), (0.9, 0.9), (1.2, 0.5), (1.4, 0.5)])
+    )
+    now = (seen, rectangle(9, "box", (1.4, 0.5), size=(0.1, 0.1)))  # It is where another was.
+    (found,) = still_there((inside, seen, beyond, taken), now, shown)
+    assert found.number == beyond.number
+    assert found.contour == beyond.contour
+    assert found.is_cut
+    assert found.pixels.is_empty

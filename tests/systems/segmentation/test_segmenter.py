@@ -61,6 +61,7 @@ class Rig:
         robot: bool = False,
         time: float = 1.0,
         height: float = 0.07,
+        aside: float = 0.0,
     ) -> Segments:
         """Shows cans with a square top at rows and columns, 7 cm high; returns what is said."""
         colour = ImageRgba8U(320, 240)
@@ -74,7 +75,9 @@ class Rig:
         if robot:
             mask.mutable_data[:] = 1
         for port, image in (("color_measured", colour), ("depth_measured", depth)):
-            stamped = StampedImage(time=time, image=image, X_WC=X_WC)
+            X_moved = X_WC.copy()
+            X_moved[0, 3] += aside
+            stamped = StampedImage(time=time, image=image, X_WC=X_moved)
             self.system.GetInputPort(port).FixValue(self.context, AbstractValue.Make(stamped))
         self.system.GetInputPort("robot_mask").FixValue(self.context, AbstractValue.Make(mask))
         self.system.GetInputPort("looked").FixValue(self.context, [float(number)])
@@ -176,6 +179,15 @@ def test_objects_keep_their_numbers_also_over_images_that_do_not_show_them(rig: 
     assert sorted(places) == [0, 1, 2]
     for segment in first.segments:
         assert np.linalg.norm(places[segment.number] - segment.centroid) < 0.015
+
+
+def test_what_the_camera_has_left_behind_is_still_there(rig: Rig) -> None:
+    (seen,) = rig.look(1, [(60, 60)]).segments
+    elsewhere = rig.look(2, [(100, 100)], aside=0.25)
+    assert [(s.number, s.is_cut) for s in elsewhere.segments] == [(1, False), (0, True)]
+    assert elsewhere.segments[1].contour == seen.contour
+    assert rig.masks().objects.max() == 1
+    assert rig.look(3, []).segments == ()  # Both have been taken away meanwhile.
 
 
 def test_what_the_robot_hides_and_what_is_beside_the_region_is_left_out(rig: Rig) -> None:

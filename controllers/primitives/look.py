@@ -42,6 +42,7 @@ class LookState(Immutable):
     Attributes:
         phase: What it does.
         motion: Of the arm.
+        trail: Postures (K, n) through which it came from home to where it is, [rad].
         number: Of the view that it goes to or is at.
         looked: Of the last view at which the camera has come to rest.
         unreachable: Of the last view that it cannot get to; zero if it got to all.
@@ -49,6 +50,7 @@ class LookState(Immutable):
     """
 
     motion: JointMotion
+    trail: Array
     phase: LookPhase = LookPhase.WAIT
     number: int = 0
     looked: int = 0
@@ -104,7 +106,7 @@ class Look(ArmTask):
         self._touch = self.DeclareAbstractInputPort("touch_latest", Value[object]())
         self._depth = self.DeclareAbstractInputPort("depth_measured", Value[object]())
         self._colour = self.DeclareAbstractInputPort("color_measured", Value[object]())
-        self._declare_state(LookState(motion=resting(q_home)), config.period)
+        self._declare_state(LookState(motion=resting(q_home), trail=q_home[None]), config.period)
         self._declare_command()
         self._declare_vector("looked", 1, lambda c: self._state(c).looked, self._on_state)
         self._declare_vector("unreachable", 1, lambda c: self._state(c).unreachable, self._on_state)
@@ -141,12 +143,10 @@ class Look(ArmTask):
     def _home(self, context: Context, state: LookState) -> LookState:
         if np.array_equal(state.motion.knots[-1], self._q_home):
             return replace(state, phase=LookPhase.WAIT)
+        # What is believed of the object may have changed so that there is no way: back as it came.
         path = self._path(context, self._q_home, seed=0)
-        if path is None:
-            why = "the camera's arm finds no way out of the other arm's way"
-            return replace(state, phase=LookPhase.WAIT, failure=why)
-        motion = self._motion(path, context.get_time())
-        return replace(state, phase=LookPhase.HOME, motion=motion)
+        motion = self._motion(state.trail[::-1] if path is None else path, context.get_time())
+        return replace(state, phase=LookPhase.HOME, motion=motion, trail=self._q_home[None])
 
     def _begin(self, context: Context, state: LookState, view: Any) -> LookState:
         number, X_WC = view.number, RigidTransform(view.X_WC)
@@ -156,8 +156,8 @@ class Look(ArmTask):
         path = None if goal is None else self._path(context, goal, number)
         if path is None:
             return replace(state, number=number, unreachable=number)
-        motion = self._motion(path, context.get_time())
-        return replace(state, phase=LookPhase.MOVE, motion=motion, number=number)
+        motion, trail = self._motion(path, context.get_time()), np.vstack([state.trail, path[1:]])
+        return replace(state, phase=LookPhase.MOVE, motion=motion, trail=trail, number=number)
 
     def _path(self, context: Context, goal: Array, seed: int) -> Array | None:
         self._look_around(context)

@@ -359,16 +359,18 @@ def _push(
     config: PushConfig,
 ) -> Push:
     """The longest one, up to the wanted length [m], or one that says why there is none."""
-    safe = push_height(segment, direction, config)
+    # Glass may be less high than its top says, and lie on what is seen through it.
+    top = np.fmin(segment.top, segment.least_top)
+    safe = segment.base + push_height(segment, direction, config)
     topples = safe < config.lowest and not segment.top <= config.low
     falls = np.nan_to_num(segment.top, nan=np.inf) if topples else 0.0  # Ahead.
     if np.isinf(falls):
         return Push(why=TOPPLES)
     safe = max(safe, config.lowest)
-    if np.isfinite(segment.top):
-        safe = min(safe, max(segment.top - config.grip, config.lowest))
+    if np.isfinite(top):
+        safe = min(safe, max(top - config.grip, config.lowest))
     # What is round is widest there, and is felt in the middle of the outer taxels.
-    widest = 0.5 * np.nan_to_num(segment.top) - _TAXELS
+    widest = 0.5 * (segment.base + np.nan_to_num(top)) - _TAXELS
     offsets = _offsets(segment, is_beside, config)
     points, places = finger_places(segment, direction, offsets, config, opening)
     if not len(places):

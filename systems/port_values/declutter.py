@@ -43,6 +43,8 @@ class Segment(Immutable):
         pixels: The same in the image, [px]; empty where there is none.
         top: Height of the object above the table, [m]; NaN where it is not known.
         is_glass: Whether a depth camera looks through it; the top is the greatest possible, then.
+        base: Height of what most of it is above, [m]; zero where that is not seen.
+        least_top: Least possible height of glass, [m]; NaN of other things.
         covered: Share of its outline in the image along which another object is before it, 0 to 1.
         is_cut: Whether the image's border cuts it off; all of it where it has no pixels, then it is
             where it was when it was seen last.
@@ -57,6 +59,8 @@ class Segment(Immutable):
     pixels: shapely.Geometry = _NOTHING
     top: float = np.nan
     is_glass: bool = False
+    base: float = 0.0
+    least_top: float = np.nan
     covered: float = 0.0
     is_cut: bool = False
 

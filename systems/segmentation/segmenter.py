@@ -149,16 +149,19 @@ def segments_in(
             )
         except ValueError:
             continue
-        covered, top = 0.0, segment.top
         if edges is None:
             covered = covered_share(one.mask, solid & ~one.mask, view.depth, _BEFORE)
+            segment = replace(segment, covered=covered)
         else:
-            top = top_of_glass(segment, edges, beneath, highest)
+            segment = replace(
+                segment,
+                top=top_of_glass(segment, edges, beneath, highest),
+                is_glass=True,
+                base=beneath,
+                least_top=beneath + float(edges.min()),
+            )
         segment = replace(
             segment,
-            top=top,
-            is_glass=edges is not None,
-            covered=covered,
             is_cut=bool(one.mask[[0, -1]].any() or one.mask[:, [0, -1]].any()),
         )
         if region.contains(segment.contour.centroid):

@@ -145,6 +145,19 @@ def test_the_outlines_of_goods_that_stand_are_not_taken_for_their_feet(name: str
 
 
 @pytest.mark.parametrize(
+    ("base", "least", "height"),
+    [(0.0, 0.08, 0.04 - 0.0195), (0.05, 0.13, 0.09 - 0.0195), (0.0, 0.02, CONFIG.lowest)],
+)
+def test_glass_is_pushed_where_it_is_for_certain(base: float, least: float, height: float) -> None:
+    """At half the height that it has at least, on what is seen through it."""
+    wide = rectangle(0, "wineglass", (0.1, 0.0), (0.1, 0.06))
+    pushed = replace(wide, top=0.3, is_glass=True, base=base, least_top=least)
+    target = rectangle(1, "", (0.0, 0.0))
+    push = plan_push(pushed, [target], target, CONFIG)
+    assert push.height == pytest.approx(height, abs=1e-4)
+
+
+@pytest.mark.parametrize(
     ("top", "height"),
     [
         (0.04, CONFIG.lowest),

@@ -120,6 +120,7 @@ def test_glass_is_as_high_as_it_can_be_on_what_is_seen_through_it(beneath: float
     rig = Rig("wineglass")
     (glass,) = rig.look(1, [(104, 144)], height=beneath).segments
     assert glass.top == pytest.approx(beneath + np.hypot(0.08, 0.2), abs=1e-6)
+    assert [glass.base, glass.least_top] == pytest.approx([beneath, beneath + 0.08], abs=1e-6)
     # It is outlined as if it lay, its middle .04 m above that.
     away = 0.56 - beneath
     assert_allclose(glass.centroid, [0.5 - away / 288, away / 288], atol=1e-3)

@@ -62,7 +62,7 @@ class DeclutterConfig:
     grasp_quality: float = number(0.7, at_least=0.0, at_most=1.0)
     # Share of an object's outline that others may be before: else it is taken away after those that
     # are seen whole, and looked at from elsewhere before that.
-    covered: float = number(0.25, at_least=0.0, at_most=1.0)
+    covered: float = number(0.1, at_least=0.0, at_most=1.0)
     # Of each action on each object.
     tries: int = number(2, at_least=1, at_most=100)
     push: PushConfig = field(default_factory=PushConfig)

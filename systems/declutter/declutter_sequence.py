@@ -10,6 +10,7 @@ import shapely
 from pydrake.common.value import Value
 from pydrake.systems.framework import Context
 
+from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.immutable import Immutable
 from crossmodal.maths.validation import check, number
@@ -91,6 +92,7 @@ class SequenceState(Immutable):
         view: That is wanted.
         place: Index of the place from which the table is looked at.
         middle: Of what is looked at (2,), in W, [m]; empty for the middle of the table.
+        is_aimed: Whether the camera is turned to that from its place, where it cannot go over it.
         centred: How often the camera was moved aside since the last action, to see what the image's
             border had cut off.
         looks: How often it was looked at.
@@ -113,6 +115,7 @@ class SequenceState(Immutable):
     view: ViewRequest = NO_VIEW
     place: int = 0
     middle: Array = field(default_factory=lambda: np.zeros(0))
+    is_aimed: bool = False
     centred: int = 0
     looks: int = 0
     unseen: int = 0
@@ -288,8 +291,11 @@ class DeclutterSequence(RecursiveFilter):
         if state.looks == 0:
             return self._look(state)
         if self._read(self._unreachable, context)[0] == state.view.number:
+            if len(state.middle) and not state.is_aimed:
+                return self._look(replace(state, is_aimed=True))
             if len(state.middle):
-                return self._look(replace(state, middle=np.zeros(0), centred=_CENTRED))
+                nowhere = replace(state, middle=np.zeros(0), is_aimed=False, centred=_CENTRED)
+                return self._look(nowhere)
             return self._look_elsewhere(state, NO_VIEW_LEFT)
         scene: Segments = self._read(self._segments, context)
         if scene.number > state.scene.number:
@@ -305,7 +311,9 @@ class DeclutterSequence(RecursiveFilter):
 
     def _look(self, state: SequenceState) -> SequenceState:
         number, X_WC = state.looks + 1, self._places[state.place].copy()
-        if len(state.middle):
+        if state.is_aimed:
+            X_WC = se3.looking_at(X_WC[:3, 3], np.append(state.middle, self._height))
+        elif len(state.middle):
             X_WC[:2, 3] += state.middle - self._table.X_WB[:2, 3]
         view = replace(self._table, number=number, X_WC=X_WC)
         return replace(state, phase=DeclutterPhase.LOOK, looks=number, view=view)
@@ -337,7 +345,8 @@ class DeclutterSequence(RecursiveFilter):
         before = state.middle if len(state.middle) else self._table.X_WB[:2, 3]
         if np.linalg.norm(middle - before) < self._config.moved:
             return None
-        return self._look(replace(state, middle=middle, centred=state.centred + 1))
+        aimed = replace(state, middle=middle, is_aimed=False, centred=state.centred + 1)
+        return self._look(aimed)
 
     def _judged(self, state: SequenceState, scene: Segments, offset: Array) -> SequenceState:
         """With what the last action, if there was one, has done.

@@ -39,6 +39,23 @@ def tops(heights: Array, grasps: Array, view: HeightMap) -> Array:
     return np.asarray(highest_within(heights)[rows, columns])
 
 
+def levers(heights: Array, grasps: Array, view: HeightMap) -> Array:
+    """How far (N,) from what fingers hold between them an object's weight pulls to a side, [m].
+
+    The object is taken to be as heavy everywhere as it is high. Along the opening that does not
+    matter: both fingers bear it.
+
+    Args:
+        heights: Of the object on the cells of the map, at least one above zero, [m].
+        grasps: (N, 3) or more columns.
+        view: Where the cells are.
+    """
+    rows, columns = np.nonzero(heights > 0.0)
+    places = view.places(np.column_stack([columns, rows]))
+    away = np.average(places, axis=0, weights=heights[rows, columns]) - grasps[:, :2]
+    return np.abs(away[:, 1] * np.cos(grasps[:, 2]) - away[:, 0] * np.sin(grasps[:, 2]))
+
+
 def highest_under_fingers(
     heights: Array, grasps: Array, view: HeightMap, around: float = 0.0
 ) -> Array:

@@ -15,6 +15,7 @@ from crossmodal.systems.grasping.grasp_geometry import (
     highest_between_fingers,
     highest_under_fingers,
     is_blocked,
+    levers,
     tops,
 )
 from crossmodal.systems.grasping.grasp_network import grasps_of_output, network_input
@@ -47,6 +48,9 @@ class GraspPlannerConfig:
     widest: float = number(0.03, at_least=0.0, at_most=0.1, unit="m")
     # By which the fingers reach down beside an object at least; above others they go less deep.
     shallowest: float = number(0.03, above=0.0, at_most=0.1, unit="m")
+    # By which the middle of what is grasped may be beside the fingers: where it is as far, quality
+    # counts exp(-1/2) of what it is. Two pads' friction bears a moment of some .03 Nm.
+    lever: float = number(0.05, above=0.0, at_most=1.0, unit="m")
 
 
 def load_grasp_network(config: GraspPlannerConfig) -> OnnxNetwork:
@@ -74,6 +78,13 @@ def plan_grasps(
     """
     output = network(network_input(view.heights)[None])[0]
     grasps, quality = grasps_of_output(output, view, config.least_quality)
+    if not len(grasps):
+        return grasps, quality
+    # What is held beside its middle turns, and hangs down, or slips.
+    quality = quality * np.exp(-0.5 * np.square(levers(view.heights, grasps, view) / config.lever))
+    order = np.argsort(-quality, kind="stable")
+    order = order[quality[order] >= config.least_quality]
+    grasps, quality = grasps[order], quality[order]
     others = np.where(view.others > _TABLE, view.others, 0.0)
     # The network says where and how; whether the fingers are open far enough is seen. Of all free
     # openings the one in the middle is as far from the object as from what is around it.

@@ -115,9 +115,8 @@ class Robot:
         self.system.ExecuteForcedEvents(self.context)
 
     def look(self, view: ViewRequest) -> None:
-        place = next(
-            k for k, X_WC in enumerate(PLACES) if np.array_equal(X_WC[:3, :3], view.X_WC[:3, :3])
-        )
+        turned = [np.array_equal(X_WC[:3, :3], view.X_WC[:3, :3]) for X_WC in PLACES]
+        place = turned.index(True) if any(turned) else 0  # Else it was aimed from there.
         self.views.append(view)
         p_WC = view.X_WC[:2, 3]
         if place in self.blind or np.linalg.norm(p_WC) > self.reach:
@@ -445,8 +444,9 @@ def test_the_camera_goes_over_what_is_next_where_its_image_cuts_it_off(reach: fl
     assert robot.requests
     places = np.array([view.X_WC[:2, 3] for view in robot.views])
     assert_allclose(places[:2], [[0.0, 0.0], [0.21, 0.0]], atol=1e-9)
-    if np.isfinite(reach):  # It goes on with what it can see.
+    if np.isfinite(reach):  # It is turned to it where it is.
         assert_allclose(places[2], 0.0)
+        assert_allclose(robot.views[2].X_WC[:3, 2], [1.0, 0.0, 0.0], atol=1e-9)
 
 
 def test_no_push_begins_where_a_finger_was_stopped_until_what_is_there_has_moved() -> None:

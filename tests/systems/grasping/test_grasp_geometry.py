@@ -8,6 +8,7 @@ from crossmodal.systems.grasping.grasp_geometry import (
     fingertip_height,
     highest_under_fingers,
     is_blocked,
+    levers,
     tops,
 )
 from crossmodal.systems.grasping.height_map import CELL, CELLS, HeightMap
@@ -68,3 +69,13 @@ def test_room_is_kept_around_the_fingers() -> None:
 def test_the_top_is_that_of_the_object_between_the_fingers() -> None:
     assert tops(post(0.005, 0.0, 0.04), grasp(), VIEW)[0] == 0.04
     assert tops(post(0.03, 0.0, 0.04), grasp(), VIEW)[0] == 0.0
+
+
+def test_a_weight_pulls_where_it_is_beside_the_fingers_across_their_opening() -> None:
+    heights = np.zeros((CELLS, CELLS))
+    heights[60:80, 20:100] = 0.02
+    heights[60:80, 100:120] = 0.08  # One end is as heavy as all the rest.
+    view = HeightMap(heights=heights, others=np.zeros_like(heights), corner=np.zeros(2))
+    x, y = CELL * (0.5 * (59.5 + 109.5)), CELL * 69.5
+    along, across = [x + 0.05, y, 0.0, 0.1, 0.0], [x + 0.05, y, 0.5 * np.pi, 0.05, 0.0]
+    assert_allclose(levers(heights, np.array([along, across]), view), [0.0, 0.05], atol=1e-9)

@@ -12,7 +12,7 @@ from crossmodal.maths.validation import number, numbers
 from crossmodal.systems.declutter.segments import inner_part
 from crossmodal.systems.port_values import Bodies, PosePrior, Segment, of_mesh
 
-_LEAST = 1e-5  # Area of the base of a body, [m^2].
+_LEAST = 1e-5  # Area of the base of a body, [m^2]; below a camera, [m].
 
 
 @dataclass(kw_only=True)
@@ -139,33 +139,40 @@ def free_places(
 
 
 def guess_of(
-    segment: Segment, middle: Array, edges: Array, height: float, config: AroundConfig
+    segment: Segment, middle: Array, edges: Array, height: float, eye: Array, config: AroundConfig
 ) -> PosePrior:
     """Where about a known object is of which a part was seen; it may be turned in any way.
 
     The part that others hide is as long as the object is longer than what was seen; then the
     object's middle is anywhere within half of that, to both sides of the middle of what was seen.
-    Glass, of which no height is seen, stands on any of its sides.
+    Glass, of which no height is seen, stands on any of its sides, and what is outlined of it is
+    anywhere on the line of sight from where it is outlined up to its top.
 
     Args:
         segment: The object.
         middle: p_OM (3,) of its model, [m].
         edges: Of the model's bounding box (3,), [m].
         height: Of the table in W, [m].
+        eye: p_WC (3,) of the camera that saw it, [m].
         config: With the height of objects whose height is unknown, and the outlines' error.
     """
     sides = np.diff(shapely.get_coordinates(segment.box), axis=0)
     seen = float(np.linalg.norm(sides, axis=1).max())
     lowest = highest = top_of(segment, config)
+    spread = np.zeros(2)
     if segment.is_glass:
         lowest, highest = edges.min(), edges.max()
+        outlined, top = segment.base + 0.5 * np.sort(edges)[1], segment.base + highest
+        rising = (top - outlined) / max(eye[2] - height - outlined, _LEAST)
+        spread = 0.5 * min(rising, 1.0) * (eye[:2] - segment.centroid)
     else:
         seen = max(seen, highest)
     hidden = max(edges.max() - seen, 0.0, 0.5 * (highest - lowest))
     X_WM = np.eye(4)
-    X_WM[:3, 3] = [*segment.centroid, height + 0.25 * (lowest + highest)]
+    X_WM[:3, 3] = [*(segment.centroid + spread), height + 0.25 * (lowest + highest)]
+    ends = np.array([0.5 * hidden, np.linalg.norm(spread)])  # Of uniform distributions.
     return PosePrior(
         X=of_mesh(X_WM, middle),
         rotation_sigma=np.inf,
-        translation_sigma=float(np.hypot(config.middle_error, 0.5 * hidden / np.sqrt(3.0))),
+        translation_sigma=float(np.sqrt(config.middle_error**2 + np.square(ends).sum() / 3.0)),
     )

@@ -446,7 +446,8 @@ class DeclutterSequence(RecursiveFilter):
         others = [s for s in state.scene.segments if target is None or s.number != target.number]
         around, guess = self._config.around, NO_PRIOR
         if target is not None:
-            guess = guess_of(target, self._middle, self._edges, self._height, around)
+            eye = state.view.X_WC[:3, 3]
+            guess = guess_of(target, self._middle, self._edges, self._height, eye, around)
         return replace(
             state,
             phase=DeclutterPhase.POSE,

@@ -22,6 +22,7 @@ from tests.systems.declutter.scenes import random_scene, rectangle
 
 CONFIG = AroundConfig()
 EDGES = np.array([0.06, 0.06, 0.2])
+ABOVE = np.array([0.5, 0.1, 0.7])
 
 
 def bases(bodies: Bodies) -> list[shapely.Geometry]:
@@ -93,14 +94,31 @@ def test_the_guess_is_about_the_middle() -> None:
     mesh.apply_translation([0.3, 0.2, 0.1])  # The mesh's frame is not its middle.
     model = make_target(mesh.vertices, mesh.faces)
     segment = Segment(number=0, contour=shapely.box(0.47, 0.07, 0.53, 0.13), top=0.2)
-    guess = guess_of(segment, model.middle, EDGES, 0.0, CONFIG)
+    guess = guess_of(segment, model.middle, EDGES, 0.0, ABOVE, CONFIG)
     assert_allclose(of_middle(guess.X, model.middle)[:3, 3], [0.5, 0.1, 0.1], atol=1e-6)
     assert guess.rotation_sigma == np.inf
-    assert guess.translation_sigma == CONFIG.middle_error  # All of its length was seen.
+    assert guess.translation_sigma == pytest.approx(
+        CONFIG.middle_error
+    )  # All of its length was seen.
     half = Segment(number=0, contour=shapely.box(0.47, 0.07, 0.53, 0.13), top=0.05)
-    assert guess_of(half, model.middle, EDGES, 0.0, CONFIG).translation_sigma > 0.04
+    assert guess_of(half, model.middle, EDGES, 0.0, ABOVE, CONFIG).translation_sigma > 0.04
     glass = replace(segment, is_glass=True)
-    guess = guess_of(glass, model.middle, EDGES, 0.0, CONFIG)  # It stands or lies.
+    guess = guess_of(glass, model.middle, EDGES, 0.0, ABOVE, CONFIG)  # It stands or lies.
     z, sigma = of_middle(guess.X, model.middle)[2, 3], guess.translation_sigma
     assert z - 1.5 * sigma < 0.03
     assert z + 1.5 * sigma > 0.1
+
+
+def test_glass_that_stands_aside_of_the_camera_may_be_nearer_than_it_is_outlined() -> None:
+    eye, edges = np.array([0.2, 0.1, 0.7]), np.array([0.08, 0.08, 0.2])
+    true = np.array([0.5, 0.1])
+    for height in (0.04, 0.2):  # It lies, or its rim is seen.
+        seen = eye[:2] + (true - eye[:2]) * (0.7 - 0.04) / (0.7 - height)
+        contour = shapely.Point(seen).buffer(0.04)
+        glass = Segment(number=0, contour=contour, top=0.2, is_glass=True)
+        guess = guess_of(glass, np.zeros(3), edges, 0.0, eye, CONFIG)
+        above = guess_of(glass, np.zeros(3), edges, 0.0, np.append(seen, 0.7), CONFIG)
+        off, wide = guess.X[:2, 3] - true, guess.translation_sigma
+        assert np.linalg.norm(off) < 0.05 < 2.0 * wide
+        assert wide > above.translation_sigma
+        assert_allclose(above.X[:2, 3], seen, atol=1e-9)

@@ -40,10 +40,11 @@ class GraspPlannerConfig:
 
     # File in models/weights, or an absolute path.
     weights: str = "grasp.onnx"
-    # Quality of a grasp.
-    least_quality: float = number(0.1, above=0.0, at_most=1.0)
-    # Between the fingers and other objects, aside and below.
-    clearance: float = number(0.003, at_least=0.0, at_most=0.05, unit="m")
+    # Quality of a grasp: of those of less than that a tenth holds.
+    least_quality: float = number(0.3, above=0.0, at_most=1.0)
+    # Between the fingers and other objects, aside and below: two standard deviations of what the
+    # arm is off once it was looked at.
+    clearance: float = number(0.005, at_least=0.0, at_most=0.05, unit="m")
     # By which the fingers may be opened wider than the network says: half of it on each side.
     widest: float = number(0.03, at_least=0.0, at_most=0.1, unit="m")
     # By which the fingers reach down beside an object at least; above others they go less deep.

@@ -33,7 +33,7 @@ from crossmodal.systems.sensors.randomness import make_generator
 
 FILES = ("grasp.onnx", "grasp.md")  # Weights and card.
 SCENES = 25  # In a file of data.
-_QUALITIES = (0.1, 0.5)  # From which on grasps are counted.
+_QUALITIES = (0.3, 0.7)  # From which on grasps are counted.
 _POSES = 4  # Of each of the goods in which lifts are simulated.
 _HELD_OUT = 8  # Of so many files the last one is not learned from.
 

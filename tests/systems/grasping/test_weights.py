@@ -35,7 +35,7 @@ AWAY, TURNED = 0.015, np.deg2rad(25.0)  # A grasp that is so near to one that ho
 def is_good(view: View, network: OnnxNetwork) -> bool:
     """Whether the best planned grasp is near to one that holds, whatever lies around."""
     seen = HeightMap(heights=view.heights, others=0.0 * view.heights, corner=np.zeros(2))
-    planned, _ = plan_grasps(seen, network, GraspPlannerConfig())
+    planned, _ = plan_grasps(seen, network, GraspPlannerConfig(least_quality=0.1))
     if len(planned) == 0:
         return False
     away = np.linalg.norm(CELL * view.grasps[:, :2] - planned[0, :2], axis=1)

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from pydrake.systems.framework import System
 
+from crossmodal.diagrams.clutter.own_mesh import target_mass
 from crossmodal.diagrams.clutter.robot_config import CAMERA_ARM, ROBOTS
 from crossmodal.diagrams.clutter.scenario import Scenario, generator, target_mesh
 from crossmodal.diagrams.run.calibration import (
@@ -81,7 +82,9 @@ def make_estimators(scenario: Scenario, calibration: Calibration) -> Mapping[str
         "quaternion": quaternion_filter(QuaternionFilterConfig()),
     }
     # What the rig touches does not move.
-    moved = scenario.perception.moved if scenario.station == "robots" else 0.0
+    moved = 0.0
+    if scenario.station == "robots":
+        moved = scenario.perception.moved / target_mass(scenario)
     return {
         name: PoseEstimator(model, inferences[name], table, scenario.network_period, moved)
         for name in scenario.modalities

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from xml.etree import ElementTree
 
 from crossmodal.diagrams.clutter.scenario import GOODS_DIR, Scenario, target_name
 from crossmodal.diagrams.run.own_object import OwnObject
@@ -55,6 +56,14 @@ def simulated_model(scenario: Scenario) -> Path:
         return _made(Path(target.mesh), target.scale, target.mass)
     name = target_name(scenario)
     return GOODS_DIR / name / f"{name}.sdf"
+
+
+def target_mass(scenario: Scenario) -> float:
+    """Of the object, which estimators know with its shape, [kg]."""
+    if scenario.target.mesh:
+        return scenario.target.mass
+    model = ElementTree.parse(simulated_model(scenario)).getroot()
+    return float(model.findtext("model/link/inertial/mass", default=""))
 
 
 @cache

@@ -46,9 +46,9 @@ class PerceptionConfig:
     grasps: GraspPlannerConfig = field(default_factory=GraspPlannerConfig)
     registration: ArmRegistrationConfig = field(default_factory=ArmRegistrationConfig)
     arm_offset: ArmOffsetConfig = field(default_factory=ArmOffsetConfig)
-    # By how much a touch moves the object, as it is believed; the standard deviation. In the two
-    # decisions that it takes to stop, the arm goes on by 0.25 mm at 25 mm/s.
-    moved: float = number(1.5e-4, at_least=0.0, at_most=0.1, unit="m")
+    # By how much a touch moves the object, as it is believed, times its mass: what the arm still
+    # does until it stops is lost in friction. The standard deviation; .15 mm for .65 kg.
+    moved: float = number(1e-4, at_least=0.0, at_most=0.1, unit="kg m")
     # By which all taxels are displaced, as it is believed.
     taxel_places: float = number(5e-4, at_least=0.0, at_most=0.1, unit="m")
 

@@ -12,7 +12,12 @@ from crossmodal.diagrams.clutter.station.robot_sensors import RobotSensors
 from crossmodal.diagrams.clutter.station.wiring import StationWiring
 from crossmodal.diagrams.run.believed import arm_pose
 from crossmodal.diagrams.run.calibration import Calibration
-from crossmodal.models.gripper_taxels import RADIUS, gripper_taxels, tip_taxels
+from crossmodal.models.gripper_taxels import (
+    RADIUS,
+    TIP_STICKS_OUT,
+    gripper_taxels,
+    tip_taxels,
+)
 from crossmodal.systems.pose.evidence import Table
 from crossmodal.systems.pose.pose_measurements import (
     CameraOnArm,
@@ -52,7 +57,8 @@ def believed_taxels(scenario: Scenario, calibration: Calibration) -> TaxelsOnArm
         place_std=perception.taxel_places,
         ends=tip_taxels(),
         threshold=scenario.control.touch.threshold,
-        sigma=scenario.touches.touch.sigma,
+        # What is thin may touch the skin between taxels at a finger's end, which is farther back.
+        sigma=float(np.hypot(scenario.touches.touch.sigma, TIP_STICKS_OUT / np.sqrt(12.0))),
     )
 
 

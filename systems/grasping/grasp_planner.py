@@ -42,15 +42,15 @@ class GraspPlannerConfig:
     weights: str = "grasp.onnx"
     # Quality of a grasp: of those of less than that a tenth holds.
     least_quality: float = number(0.3, above=0.0, at_most=1.0)
-    # Between the fingers and other objects, aside and below: two standard deviations of what the
-    # arm is off once it was looked at.
+    # Between the fingers and other objects, aside and below: about two standard deviations along an
+    # axis of what the arm is believed to be off once it was looked at.
     clearance: float = number(0.005, at_least=0.0, at_most=0.05, unit="m")
     # By which the fingers may be opened wider than the network says: half of it on each side.
     widest: float = number(0.03, at_least=0.0, at_most=0.1, unit="m")
     # By which the fingers reach down beside an object at least; above others they go less deep.
     shallowest: float = number(0.03, above=0.0, at_most=0.1, unit="m")
-    # By which the middle of what is grasped may be beside the fingers: where it is as far, quality
-    # counts exp(-1/2) of what it is. Two pads' friction bears a moment of some .03 Nm.
+    # Distance of the fingers from the object's middle at which the quality of a grasp counts
+    # exp(-1/2) of what the network says: held beside its middle, an object turns.
     lever: float = number(0.05, above=0.0, at_most=1.0, unit="m")
 
 

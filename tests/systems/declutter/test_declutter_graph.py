@@ -401,6 +401,18 @@ def test_that_on_which_something_lies_waits() -> None:
     assert turned.next == max(turned.leaves(), key=lambda leaf: leaf.weight).segment.number
 
 
+def test_what_others_cover_waits_and_is_to_be_seen_from_elsewhere() -> None:
+    """Two can be grasped; the one that overlaps the target more is partly covered."""
+    target, whole = rectangle(0, "wineglass", (0.0, 0.0)), rectangle(2, "can", (-0.03, 0.0))
+    covered = replace(rectangle(1, "can", (0.02, 0.0)), covered=0.2)
+    first = graph_of(target, covered, whole, qualities={1: 0.9, 2: 0.9})
+    assert (first.next, first.is_covered) == (2, False)
+    alone = graph_of(target, covered, qualities={1: 0.9})
+    assert (alone.next, alone.is_covered) == (1, True)
+    little = replace(covered, covered=0.05)
+    assert graph_of(target, little, whole, qualities={1: 0.9, 2: 0.9}).next == 1
+
+
 def test_what_hangs_on_a_leaf_that_cannot_be_moved_is_moved_instead() -> None:
     """Three in a row from the target: the outer one stays, so the middle one is next."""
     chain = row(0.0, 0.05, 0.08)

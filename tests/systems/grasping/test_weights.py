@@ -35,6 +35,7 @@ AWAY, TURNED = 0.015, np.deg2rad(25.0)  # A grasp that is so near to one that ho
 def is_good(view: View, network: OnnxNetwork) -> bool:
     """Whether the best planned grasp is near to one that holds, whatever lies around."""
     seen = HeightMap(heights=view.heights, others=0.0 * view.heights, corner=np.zeros(2))
+    # Also those that would not be made: this is about what the network ranks first.
     planned, _ = plan_grasps(seen, network, GraspPlannerConfig(least_quality=0.1))
     if len(planned) == 0:
         return False

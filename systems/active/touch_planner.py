@@ -13,7 +13,7 @@ from crossmodal.maths.validation import check, number
 from crossmodal.systems.active.touch_planning import (
     CRITERIA,
     TouchConfig,
-    believed_box,
+    box_around,
     candidate_rays,
     predict_touches,
 )
@@ -146,18 +146,11 @@ class TouchPlanner(RecursiveFilter):
             request = self._choose(belief, last + 1, criterion, obstacles)
         return TouchPlannerState(request=request, after=measured, belief=belief)
 
-    def _box(self, belief: ObjectPose) -> tuple[Array, Array]:
-        """Edges (3,) and X_WB (4, 4) of the box that is thought to hold the object."""
-        low, high = believed_box(belief, self._model.hull)
-        X_WB = belief.X.copy()
-        X_WB[:3, 3] += X_WB[:3, :3] @ (0.5 * (low + high))
-        return high - low, X_WB
-
     def _no_more(
         self, belief: ObjectPose, number: int, obstacles: Bodies, why: str
     ) -> TouchRequest:
         """No touch; the arm still has to find home around the objects."""
-        edges, X_WB = self._box(belief)
+        edges, X_WB = box_around(belief, self._model.hull)
         return TouchRequest(
             number=number, done=True, why=why, box_edges=edges, X_WB=X_WB, obstacles=obstacles
         )
@@ -181,7 +174,7 @@ class TouchPlanner(RecursiveFilter):
             # Nothing is likely enough to be met: the likeliest teaches most.
             feasible = hit >= hit.max()
         gains = CRITERIA[criterion](predicted, model, config.touch.sigma, rng)
-        edges, X_WB = self._box(belief)
+        edges, X_WB = box_around(belief, model.hull)
         candidates = np.stack([starts, directions], axis=1)[feasible]
         approaches = np.hstack([starts, _LEVER * directions])
         left = np.where(feasible, gains, -np.inf)

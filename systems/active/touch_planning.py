@@ -86,6 +86,14 @@ class TouchPredictions(Immutable):
         return np.asarray((self.hit >= config.hit) & (incidence >= config.incidence))
 
 
+def box_around(belief: ObjectPose, hull: Array) -> tuple[Array, Array]:
+    """Edges (3,), [m], and X_WB (4, 4) of the box that `believed_box` gives."""
+    low, high = believed_box(belief, hull)
+    X_WB = belief.X.copy()
+    X_WB[:3, 3] += X_WB[:3, :3] @ (0.5 * (low + high))
+    return high - low, X_WB
+
+
 def believed_box(belief: ObjectPose, hull: Array) -> tuple[Array, Array]:
     """Least and largest corner (3,) of the box that holds the object at all poses believed in.
 

@@ -17,6 +17,7 @@ from crossmodal.systems.active.occupancy_grid import (
     expected_gains,
     with_view,
 )
+from crossmodal.systems.active.touch_planning import box_around
 from crossmodal.systems.port_values import (
     NO_MEASUREMENT,
     NO_PRIOR,
@@ -173,29 +174,34 @@ class ViewPlanner(RecursiveFilter):
             request = replace(request, done=True)
         elif taken < config.count:
             obstacles = self._read_optional(self._obstacles, context) or ()
-            request = self._choose(grid, request, taken + 1, obstacles)
+            request = self._choose(grid, belief, request, taken + 1, obstacles)
         return replace(state, request=request, decided=taken, belief=belief)
 
     def _choose(
         self,
         grid: OccupancyGrid,
+        belief: ObjectPose,
         last: ViewRequest,
         number: int,
         obstacles: Bodies,
     ) -> ViewRequest:
         config = self._config
         centre = grid.corner + 0.5 * grid.cell * np.array(grid.log_odds.shape)
+        edges, X_WB = grid.cell * np.array(grid.log_odds.shape), np.eye(4)
+        X_WB[:3, 3] = centre
+        if belief.known:
+            # The grid stays where it is.
+            centre = belief.X[:3, 3]
+            edges, X_WB = box_around(belief, self._model.hull)
         views = hemisphere(centre, config)
         side = np.tan(np.deg2rad(config.half_angle)) * np.linspace(-1.0, 1.0, config.rays)
         u, v = np.meshgrid(side, side)
         rays = np.column_stack([u.ravel(), v.ravel(), np.ones(u.size)])
         rays /= np.linalg.norm(rays, axis=1, keepdims=True)
         gains = expected_gains(grid, views, rays)
-        X_WB = np.eye(4)
-        X_WB[:3, 3] = centre
         wanted = ViewRequest(
             number=number,
-            box_edges=grid.cell * np.array(grid.log_odds.shape),
+            box_edges=edges,
             X_WB=X_WB,
             obstacles=obstacles,
             candidates=views,

@@ -168,6 +168,9 @@ class PoseMeasurement(Immutable):
         sigma: Standard deviation of each one's own noise (N,), [m].
         facing: Unit vectors (N, 3), in W, from which each was seen or touched.
         free: Start and end (R, 2, 3) of lines along which nothing is, in W, [m].
+        outline: Of a view, unit vectors (T, 3) in W of planes through `eye`, which the object
+            touches, with all of it behind them.
+        outline_sigma: Standard deviation of the distance at which it does (T,), [m].
         eye: Of a view, where the camera is believed to be (3,), in W, [m].
         axis: Of a view, unit vector (3,) in W along which the camera looks.
         passed: Of a view, directions (B, 3) in W of rays that passed by the object.
@@ -183,6 +186,8 @@ class PoseMeasurement(Immutable):
     sigma: Array = field(default_factory=lambda: np.zeros(0))
     facing: Array = field(default_factory=lambda: np.zeros((0, 3)))
     free: Array = field(default_factory=lambda: np.zeros((0, 2, 3)))
+    outline: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    outline_sigma: Array = field(default_factory=lambda: np.zeros(0))
     eye: Array = field(default_factory=lambda: np.full(3, np.nan))
     axis: Array = field(default_factory=lambda: np.full(3, np.nan))
     passed: Array = field(default_factory=lambda: np.zeros((0, 3)))

@@ -1,4 +1,5 @@
-"""What was measured of an object: points on its surface, space that is free, what it stands on.
+"""What was measured of an object: points on its surface, planes through a camera that touch its
+outline, space that is free, what it stands on.
 
 All positions are in the world W. Measurements come in groups, one for each view or for the touches
 of one arm: what is wrong with the calibration of camera or arm displaces all points of a group
@@ -50,6 +51,10 @@ class Evidence(Immutable):
         group: Of each point (N,).
         free: Start and end (R, 2, 3) of lines along which nothing is, in W, [m].
         free_group: Of each line (R,).
+        outline: Unit vectors (T, 3), in W, of planes through the eye of a view, which the object
+            touches, with all of it behind them.
+        outline_sigma: Standard deviation of the distance at which it does (T,), [m].
+        outline_group: Of each plane (T,).
         displaced: A (G, 8, m), by which a group is displaced per standard deviation of each error c
             of the calibration: twists (rotation, translation) in W about Wo, shares by which points
             are farther from the eye, and farther from the camera's axis.
@@ -64,16 +69,19 @@ class Evidence(Immutable):
     group: Ids = field(default_factory=lambda: np.zeros(0, np.int64))
     free: Array = field(default_factory=lambda: np.zeros((0, 2, 3)))
     free_group: Ids = field(default_factory=lambda: np.zeros(0, np.int64))
+    outline: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    outline_sigma: Array = field(default_factory=lambda: np.zeros(0))
+    outline_group: Ids = field(default_factory=lambda: np.zeros(0, np.int64))
     displaced: Array = field(default_factory=lambda: np.zeros((0, 8, 0)))
     eye: Array = field(default_factory=lambda: np.zeros((0, 3)))
     axis: Array = field(default_factory=lambda: np.zeros((0, 3)))
     table: Table | None = None
 
     def __post_init__(self) -> None:
-        for name in ("points", "sigma", "facing", "free", "displaced"):
+        for name in ("points", "sigma", "facing", "free", "outline", "outline_sigma", "displaced"):
             if not np.isfinite(getattr(self, name)).all():
                 raise ValueError(f"Evidence: {name} is not finite")
-        if np.any(self.sigma <= 0.0):
+        if np.any(self.sigma <= 0.0) or np.any(self.outline_sigma <= 0.0):
             raise ValueError("Evidence: a sigma is not positive")
 
     def with_group(
@@ -143,6 +151,15 @@ class Evidence(Immutable):
             group=np.concatenate([self.group, np.full(len(points), group)]),
             free=np.concatenate([self.free, free]),
             free_group=np.concatenate([self.free_group, np.full(len(free), group)]),
+        )
+
+    def with_outline(self, group: int, outline: Array, sigma: Array) -> "Evidence":
+        """With planes (T, 3) that touch the outline in a view, as far as sigma (T,) tells, [m]."""
+        return replace(
+            self,
+            outline=np.concatenate([self.outline, outline]),
+            outline_sigma=np.concatenate([self.outline_sigma, sigma]),
+            outline_group=np.concatenate([self.outline_group, np.full(len(outline), group)]),
         )
 
 

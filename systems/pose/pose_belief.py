@@ -142,6 +142,9 @@ def problem_of(
         group=evidence.group[rows],
         free=evidence.free,
         free_group=evidence.free_group,
+        outline=evidence.outline,
+        outline_sigma=evidence.outline_sigma,
+        outline_group=evidence.outline_group,
         A=A,
         eye=evidence.eye,
         axis=evidence.axis,
@@ -190,9 +193,10 @@ def infer_pose(
     starts = means.copy()
     if evidence.table is not None:
         starts[2::2] = stood(starts[2::2], evidence.table, model)
-    size = len(fine.s) + _STEPS_ALONG * len(fine.free) + 1
+    size = len(fine.s) + len(fine.outline) + _STEPS_ALONG * len(fine.free) + 1
     modes = _find_modes(starts.copy(), coarse, fine, max(config.budget // size, 4), model.spins)
-    length = min(config.steps, 10 * config.budget // ((len(fine.s) + 1) * config.samples))
+    residuals = len(fine.s) + len(fine.outline) + 1
+    length = min(config.steps, 10 * config.budget // (residuals * config.samples))
     # Under so many points that a walk would be short, the modes are narrow: Gaussians. Lines of
     # free space bound the density and do not narrow it, so they do not count.
     is_sparse = length >= _SHORTEST
@@ -302,7 +306,11 @@ def _perturbed(problem: Problem, X: Array, c: Array, rng: np.random.Generator) -
     if len(table):
         table[3] += table[4] * rng.normal()
     s = problem.s + problem.sigma[:, None] * rng.normal(size=problem.s.shape)
-    return problem._replace(X_prior=X, c_prior=c, s=s, table=table)
+    # A plane through the eye turns about it.
+    to = problem.X_prior[:3, 3] - problem.eye[problem.outline_group]
+    turn = problem.outline_sigma * rng.normal(size=len(to)) / np.sum(to**2, axis=1)
+    outline = problem.outline + turn[:, None] * to
+    return problem._replace(X_prior=X, c_prior=c, s=s, outline=outline, table=table)
 
 
 def _joint_covariance(found: Array, modes: _Modes, active: Mask) -> Array:

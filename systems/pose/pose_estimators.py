@@ -64,7 +64,8 @@ def with_measurement(evidence: Evidence, new: PoseMeasurement) -> Evidence:
         eye, axis = (np.nan_to_num(place) for place in (new.eye, new.axis))
         evidence = evidence.with_group(new_one, np.zeros((0, 3)), 1.0, eye=eye, axis=axis)
     group = alike.index(True)
-    return evidence.with_measured(group, new.points, new.sigma, new.facing, new.free)
+    known = evidence.with_outline(group, new.outline, new.outline_sigma)
+    return known.with_measured(group, new.points, new.sigma, new.facing, new.free)
 
 
 def motions_on_a_table(table: Table, prior: PosePrior, model: TargetModel, sigma: float) -> Array:

@@ -25,6 +25,7 @@ from crossmodal.systems.port_values import (
     of_middle,
 )
 from crossmodal.systems.pose.evidence import all_displacements
+from crossmodal.systems.pose.outline import outline_planes
 from crossmodal.systems.pose.target_model import TargetModel
 from crossmodal.systems.pose.target_view import TargetViewConfig, view_target
 from crossmodal.systems.pose.touch_contacts import contact_points, swept_lines
@@ -223,12 +224,18 @@ class PoseMeasurements(RecursiveFilter):
         depth = np.array(image.image.data[:, :, 0])
         mask = self._read_optional(self._mask, context)
         masked = np.zeros(depth.shape, bool) if mask is None else mask.data[:, :, 0] != 0
-        own = np.ones(depth.shape, bool)
+        own, outline = np.ones(depth.shape, bool), np.zeros((0, 3))
         masks: ObjectMasks | None = self._read_optional(self._masks, context)
         if masks is not None:
             target = self._read(self._segments, context).largest(self._name)
             own = masks.objects == (-1 if target is None else target.number)
             own &= target is not None
+            if target is not None and target.number in masks.glass:
+                others = masked | ((masks.objects >= 0) & ~own)
+                outline = outline_planes(
+                    own & ~masked, others, camera.intrinsics, X_WC[:3, :3], self._config.planes
+                )
+                masked = masked | own  # Depths are those of what is behind it.
         seen = view_target(
             depth,
             masked,
@@ -240,6 +247,8 @@ class PoseMeasurements(RecursiveFilter):
             self._height,
             self._config,
         )
+        distance = float(np.linalg.norm(centre - X_WC[:3, 3]))
+        outline_sigma = self._config.outline_error / camera.intrinsics.focal_x * distance
         facing = X_WC[:3, 3] - seen.p_WP
         facing /= np.linalg.norm(facing, axis=1, keepdims=True)
         return PoseMeasurement(
@@ -252,6 +261,8 @@ class PoseMeasurements(RecursiveFilter):
             axis=X_WC[:3, 2],
             passed=seen.passed,
             free=seen.free,
+            outline=outline,
+            outline_sigma=np.full(len(outline), outline_sigma),
             displaced=self._errors.view(q, X_WC),
         )
 

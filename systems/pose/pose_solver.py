@@ -49,6 +49,9 @@ class Problem(NamedTuple):
     group: Ids
     free: Array
     free_group: Ids
+    outline: Array
+    outline_sigma: Array
+    outline_group: Ids
     A: Array
     eye: Array
     axis: Array
@@ -178,7 +181,7 @@ def _sum_groups(
     b: Array,
     lines_count: bool,
 ) -> float:
-    """Sums points and, if they count, free lines up by group in `H` (G, 8, 8) and `b` (G, 8).
+    """Sums points, outlines and, if they count, free lines up in `H` (G, 8, 8) and `b` (G, 8).
 
     Returns:
         The cost of all, which free lines have in either case.
@@ -203,6 +206,7 @@ def _sum_groups(
         w, c = _robust((r / scale) ** 2, width)
         cost += c
         _add(R, moved, eye[g], axis[g], m, r, w / scale**2, H[g], b[g])
+    cost += _sum_outlines(R, t, E, d, floor, problem, H, b)
     scale = max(_FREE_SIGMA, floor)
     end, q, at = np.empty(3), np.empty(3), np.empty(3)
     for ray in range(len(free)):
@@ -218,6 +222,52 @@ def _sum_groups(
             for i in range(3):
                 at[i] = moved[i] + along * (end[i] - moved[i])
             _add(R, at, eye[g], axis[g], m, r + _SLACK, w / scale**2, H[g], b[g])
+    return cost
+
+
+@hot
+def _sum_outlines(
+    R: Array, t: Array, E: Array, d: Array, floor: float, problem: Problem, H: Array, b: Array
+) -> float:
+    """Adds planes that touch the outline to `H` (G, 8, 8) and `b` (G, 8); their cost.
+
+    Each says as much as a point, at the place of the plane that the object's farthest corner is
+    nearest to, on a face along the plane.
+    """
+    n, x, s, m = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    moved, p = np.empty(3), np.empty(3)
+    cost, width = 0.0, WIDTH**2
+    for k in range(len(problem.outline)):
+        g = problem.outline_group[k]
+        eye, outward = problem.eye[g], problem.outline[k]
+        for i in range(3):
+            n[i] = 0.0
+            for j in range(3):
+                n[i] += E[g, i, j] * outward[j]
+        for i in range(3):
+            m[i] = R[0, i] * n[0] + R[1, i] * n[1] + R[2, i] * n[2]
+        farthest, at = -np.inf, 0
+        for corner in range(len(problem.hull)):
+            h = problem.hull[corner]
+            along = h[0] * m[0] + h[1] * m[1] + h[2] * m[2]
+            if along > farthest:
+                farthest, at = along, corner
+        beyond = 0.0
+        for i in range(3):
+            x[i] = t[i]
+            for j in range(3):
+                x[i] += R[i, j] * problem.hull[at, j]
+            beyond += outward[i] * (x[i] - eye[i])
+        for i in range(3):
+            s[i] = x[i] - beyond * outward[i]
+        _into_object(R, t, E[g], d[g], eye, problem.axis[g], s, moved, p)
+        r = 0.0
+        for i in range(3):
+            r += n[i] * (moved[i] - x[i])
+        scale = max(problem.outline_sigma[k], floor)
+        w, c = _robust((r / scale) ** 2, width)
+        cost += c
+        _add(R, moved, eye, problem.axis[g], m, r, w / scale**2, H[g], b[g])
     return cost
 
 

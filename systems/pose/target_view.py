@@ -30,6 +30,11 @@ class TargetViewConfig:
     apart: int = number(9, at_least=1, at_most=100, unit="px")
     # Lines of sight close beside the object along which nothing is; none where it is transparent.
     lines: int = number(20, at_least=0, at_most=10000)
+    # Planes that touch the outline of an object through which depth looks, where its pixels are
+    # known.
+    planes: int = number(12, at_least=0, at_most=1000)
+    # Standard deviation of a mask's outline, and of what is wrong with the image alike all around.
+    outline_error: float = number(4.0, above=0.0, at_most=100.0, unit="px")
 
 
 @dataclass(frozen=True, kw_only=True)

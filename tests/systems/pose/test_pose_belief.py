@@ -8,8 +8,9 @@ import trimesh
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
+from targets import touching
 
-from crossmodal.systems.port_values import ObjectPose, PosePrior
+from crossmodal.systems.port_values import ObjectPose, PosePrior, of_middle
 from crossmodal.systems.pose.evidence import Evidence, Table
 from crossmodal.systems.pose.pose_belief import (
     SolverConfig,
@@ -80,6 +81,30 @@ def test_a_view_from_a_miscalibrated_camera_is_as_wrong_as_is_said(model: Target
         c = rng.normal(size=3)
         p = p + 1.5e-3 * rng.normal(size=p.shape) - A[3:] @ c
         evidence = Evidence().with_group(A, p, 1.5e-3, facing)
+        belief = infer_pose(evidence, wrong(X, 0.2, 0.02, rng), model, CONFIG)
+        distances.append(belief.distance(X))
+    assert np.median(distances) < 1.5 * chi2.ppf(0.5, 6)
+    assert np.mean(np.array(distances) < chi2.ppf(0.95, 6)) > 0.8
+
+
+def test_outlines_from_a_miscalibrated_camera_are_as_wrong_as_is_said(model: TargetModel) -> None:
+    """Two images without depth; the camera is displaced by 3 mm per axis in both."""
+    distances, angles = [], np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False)
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        X = standing(model, rng)
+        X_WM = of_middle(X, model.middle)
+        evidence, c = Evidence(), rng.normal(size=3)
+        A = np.concatenate([np.zeros((3, 3)), 3e-3 * np.eye(3), np.zeros((2, 3))])
+        for view, way in enumerate(([0.3, 0.3, 0.35], [-0.3, 0.2, 0.4])):
+            eye = X_WM[:3, 3] + way
+            outline = touching(model.hull, X_WM, eye, angles)
+            sigma = np.full(len(angles), 2e-3)
+            noise = sigma * rng.normal(size=len(angles)) / np.linalg.norm(way)
+            outline += noise[:, None] * (X_WM[:3, 3] - eye) / np.linalg.norm(way)
+            at = {"eye": eye - A[3:6] @ c, "axis": -np.array(way) / np.linalg.norm(way)}
+            evidence = evidence.with_group(A, np.zeros((0, 3)), 1.0, **at)
+            evidence = evidence.with_outline(view, outline, sigma)
         belief = infer_pose(evidence, wrong(X, 0.2, 0.02, rng), model, CONFIG)
         distances.append(belief.distance(X))
     assert np.median(distances) < 1.5 * chi2.ppf(0.5, 6)

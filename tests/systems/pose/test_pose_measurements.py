@@ -1,6 +1,7 @@
 """Measurements of views and touches through the ports of the system that makes them."""
 
 from dataclasses import dataclass, field, replace
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -170,6 +171,26 @@ def test_only_pixels_of_its_own_class_are_the_object_s() -> None:
     trial.fix("segments", Segments(number=2, segments=(replace(box, name="can"),)))
     trial.say("looked", 2)
     assert len(trial.tick().points) == 0
+
+
+def test_of_glass_the_outline_counts_and_not_what_is_behind_it() -> None:
+    trial = Trial()
+    shown = depth_image()[1]
+    objects = np.where(shown, 7, -1)
+    masks = ObjectMasks(number=1, view=1, objects=objects, glass={7: 0.2})
+    box = Segment(number=7, name="box", contour=shapely.box(0.0, 0.0, 1.0, 1.0))
+    trial.fix("object_masks", masks)
+    trial.fix("segments", Segments(number=1, segments=(box,)))
+    trial.say("looked", 1)
+    seen = trial.tick()
+    assert len(seen.points) == 0
+    assert len(seen.outline) == len(seen.outline_sigma) == TargetViewConfig().planes
+    corners = 0.5 * EDGES * np.array(list(product((-1.0, 1.0), repeat=3))) + MIDDLE
+    beyond = ((corners - seen.eye) @ seen.outline.T).max(axis=0)
+    assert np.abs(beyond).max() < 2.0 / INTRINSICS.focal_x * np.linalg.norm(MIDDLE - seen.eye)
+    # Nothing is known of where the rays end that pass through it.
+    u, v = np.rint(INTRINSICS.project(seen.passed @ X_WC[:3, :3])).astype(int).T
+    assert not shown[v, u].any()
 
 
 def test_a_view_is_what_its_image_shows() -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
-from targets import HALF
+from targets import CORNERS, HALF, touching
 
 from crossmodal.maths import se3
 from crossmodal.systems.port_values import PosePrior
@@ -34,7 +34,7 @@ def on_faces(rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarr
 
 
 def problem(model: TargetModel, errors: int = 2, table: Table | None = None) -> Problem:
-    """Points on all faces, one line that enters the box, and two groups with errors in common."""
+    """Points on all faces, a line that enters, planes of an outline, and errors in common."""
     rng = np.random.default_rng(0)
     X = pose()
     p, normals = on_faces(rng, 24)
@@ -46,6 +46,9 @@ def problem(model: TargetModel, errors: int = 2, table: Table | None = None) -> 
         A = 1e-3 * rng.normal(size=(8, errors))
         at = {"eye": rng.normal(size=3), "axis": np.array([0.6, 0.0, -0.8])}
         evidence = evidence.with_group(A, p_W[rows], 1e-3, facing[rows], line, **at)
+        planes = touching(CORNERS, X, at["eye"], np.array([0.7, 2.0, 4.0]))
+        group = len(evidence.displaced) - 1
+        evidence = evidence.with_outline(group, planes, np.full(3, 2e-3))
     prior = PosePrior(X=X, rotation_sigma=0.2, translation_sigma=0.02)
     return problem_of(evidence, prior, model, 1000, rng)
 
@@ -112,6 +115,25 @@ def test_refining_finds_the_pose_and_the_displacement_of_a_group(box: TargetMode
     assert_allclose(start[0, :3, 3], X[:3, 3], atol=3e-4)
     assert_allclose(c, 2.0, atol=0.2)
     assert np.sqrt(P[0, 6, 6]) < 0.3
+
+
+def test_outlines_of_two_views_place_a_box(box: TargetModel) -> None:
+    """Far from where it is, too: a plane pulls however far it passes."""
+    X, angles = pose(), np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False)
+    evidence = Evidence()
+    for view, eye in enumerate(([0.9, -0.2, 0.6], [0.4, 0.3, 0.5])):
+        evidence = evidence.with_group(np.zeros((6, 0)), np.zeros((0, 3)), 1.0, eye=np.array(eye))
+        evidence = evidence.with_outline(
+            view, touching(CORNERS, X, np.array(eye), angles), np.full(12, 2e-3)
+        )
+    prior = PosePrior(X=X, rotation_sigma=np.inf, translation_sigma=np.inf)
+    terms = problem_of(evidence, prior, box, 1000, np.random.default_rng(0))
+    start = X[None].copy() @ se3.exp(np.array([0.15, -0.1, 0.2, 0.0, 0.0, 0.0]))
+    start[:, :3, 3] += [0.03, -0.04, 0.05]
+    costs, _ = refine(start, np.zeros((1, 0)), np.geomspace(2e-2, 7e-4, 20), terms)
+    assert_allclose(start[0, :3, 3], X[:3, 3], atol=3e-4)
+    assert_allclose(start[0, :3, :3], X[:3, :3], atol=5e-3)
+    assert costs[0] < 0.1
 
 
 def test_a_displacement_that_all_share_makes_the_pose_as_uncertain(box: TargetModel) -> None:

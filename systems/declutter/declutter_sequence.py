@@ -153,7 +153,7 @@ def judge(
         moved: A displacement that is more than what two images of a thing at rest differ by, [m].
     """
     now = {segment.number: segment for segment in after.segments}
-    ways = {n: displacement(segment, now[n]) for n, segment in rests.items() if n in now}
+    ways = {n: displacement(was, now[n], after.bare) for n, was in rests.items() if n in now}
     own = ways.pop(request.object, np.inf)
     if outcome == UNREACHABLE:
         ways = {}
@@ -188,7 +188,10 @@ def resting_places(
         if (
             before is None
             or segment.number in moved
-            or (segment.contour.area > before.contour.area and displacement(before, segment) == 0.0)
+            or (
+                segment.contour.area > before.contour.area
+                and displacement(before, segment, after.bare) == 0.0
+            )
         ):
             found[segment.number] = segment
     return found

@@ -88,6 +88,40 @@ def shown_part(
     return region.intersection(shapely.MultiPoint(places).convex_hull)
 
 
+def bare_part(
+    shown: shapely.Geometry,
+    seen: tuple[Segment, ...],
+    masked: Mask,
+    intrinsics: Intrinsics,
+    X_WC: Array,
+    z: float,
+) -> shapely.Geometry:
+    """Where an image shows a plane of height z itself, and neither objects nor robots.
+
+    Nothing is known of it where one of them reaches above the plane's horizon.
+
+    Args:
+        shown: What of the plane is within the image.
+        seen: The objects.
+        masked: Pixels of the robots (H, W).
+        intrinsics: Of the image.
+        X_WC: Of the camera (4, 4).
+        z: In W, [m].
+    """
+    pixels = [segment.pixels for segment in seen]
+    if masked.any():
+        pixels.append(outline(masked))
+
+    def place(uv: Array) -> Array:
+        return on_plane(uv, intrinsics, X_WC, np.full(len(uv), z))
+
+    try:
+        hidden = [shapely.make_valid(shapely.transform(there, place)) for there in pixels]
+    except ValueError:
+        return shapely.Polygon()
+    return shown.difference(shapely.union_all([*hidden, *(s.contour for s in seen)]))
+
+
 def still_there(
     before: tuple[Segment, ...], now: tuple[Segment, ...], shown: shapely.Geometry
 ) -> tuple[Segment, ...]:

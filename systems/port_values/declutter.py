@@ -89,11 +89,13 @@ class Segments(Immutable):
         time: When it was taken, [s].
         segments: In any order, each with a number of its own.
         table: z at which the table is seen, in W as the camera has it, [m].
+        bare: Where the image shows the table itself.
     """
 
     number: int = 0
     time: float = 0.0
     table: float = 0.0
+    bare: shapely.Geometry = field(default_factory=shapely.Polygon)
     segments: tuple[Segment, ...] = ()
 
     def largest(self, name: str) -> Segment | None:

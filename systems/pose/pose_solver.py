@@ -283,7 +283,8 @@ def _add_table(
     """Adds that the object stands on the table to N and v; the cost of that.
 
     Either it stands, at the table's height and upright, or it leans in any way with its lowest
-    point anywhere within its own size of the table: a mixture of both densities.
+    point anywhere up to its own size above the table: a mixture of both densities. Nothing is
+    below.
     """
     hull, stable, up = problem.hull, problem.stable, problem.table[:3]
     height, leaning = problem.table[3], problem.table[6]
@@ -306,6 +307,7 @@ def _add_table(
         # d(h.u)/dphi with u -> u - phi x u.
         J[i] = hull[at, (i + 1) % 3] * u[(i + 2) % 3] - hull[at, (i + 2) % 3] * u[(i + 1) % 3]
     square = (r / height_sigma) ** 2
+    below = square if r < 0.0 else 0.0
     other = leaning / (1.0 - leaning) * np.sqrt(2.0 * np.pi) * height_sigma / problem.radius
     away = np.zeros(3)
     upright = np.isfinite(tilt_sigma) and len(stable) > 0
@@ -325,18 +327,20 @@ def _add_table(
         away *= angle / sine if sine > 1e-9 else 1.0
         square += (angle / tilt_sigma) ** 2
         other *= 0.5 * len(stable) * tilt_sigma**2  # Of the whole sphere of directions.
-    likely = np.exp(-0.5 * square)
+    # Below, both densities fall with the depth.
+    likely = np.exp(-0.5 * (square - below))
     w = likely / (likely + other)
+    level = (1.0 if r < 0.0 else w) / height_sigma**2
     for i in range(6):
-        v[i] -= w / height_sigma**2 * J[i] * r
+        v[i] -= level * J[i] * r
         for j in range(6):
-            N[i, j] += w / height_sigma**2 * J[i] * J[j]
+            N[i, j] += level * J[i] * J[j]
     if upright:
         for i in range(3):
             v[i] -= w / tilt_sigma**2 * away[i]
             for j in range(3):
                 N[i, j] += w / tilt_sigma**2 * ((1.0 if i == j else 0.0) - u[i] * u[j])
-    return float(-2.0 * np.log((likely + other) / (1.0 + other)))
+    return float(below - 2.0 * np.log((likely + other) / (1.0 + other)))
 
 
 @hot

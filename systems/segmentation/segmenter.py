@@ -15,6 +15,7 @@ from crossmodal.maths.immutable import Immutable
 from crossmodal.maths.pinhole import Intrinsics
 from crossmodal.maths.validation import check, number
 from crossmodal.systems.declutter.segments import (
+    bare_part,
     segment_of_mask,
     shown_part,
     still_there,
@@ -303,7 +304,13 @@ class Segmenter(RecursiveFilter):
         known = {segment.number: segment for segment in (*before.known, *named)}
         return SegmenterState(
             looked=looked,
-            segments=Segments(number=count, time=image.time, segments=segments, table=view.table),
+            segments=Segments(
+                number=count,
+                time=image.time,
+                segments=segments,
+                table=view.table,
+                bare=bare_part(shown, named, view.masked, view.intrinsics, view.X_WC, view.table),
+            ),
             masks=ObjectMasks(
                 number=count,
                 view=looked,

@@ -66,5 +66,21 @@ def test_something_smaller_than_a_cell_has_a_place() -> None:
     assert displacement(grain, translated(grain, 0.05)) == pytest.approx(0.05, abs=6e-3)
 
 
+def test_a_thing_has_gone_if_the_table_is_bare_where_it_was() -> None:
+    """The image ends at x = 0.15, and the bottle has gone 8 cm along itself."""
+    image = shapely.box(-0.3, -0.3, 0.15, 0.3)
+    gone = moved(0.08)
+    part = replace(gone, contour=gone.contour.intersection(image))
+    bare = image.difference(gone.contour)
+    assert displacement(BOTTLE, part) == 0.0  # It could as well be half hidden.
+    assert displacement(BOTTLE, part, bare) == pytest.approx(0.08, abs=0.02)
+    # What rests has not moved, and what is hidden may be there.
+    assert displacement(BOTTLE, BOTTLE, image.difference(BOTTLE.contour)) == 0.0
+    half = replace(BOTTLE, contour=BOTTLE.contour.intersection(image))
+    assert displacement(BOTTLE, half, image.difference(BOTTLE.contour)) == 0.0
+    # A mask that lacks a part makes nothing move.
+    assert displacement(BOTTLE, half, shapely.box(-1, -1, 1, 1).difference(half.contour)) < 0.01
+
+
 def translated(segment: Segment, x: float) -> Segment:
     return replace(segment, contour=translate(segment.contour, x, 0.0))

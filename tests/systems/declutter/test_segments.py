@@ -10,6 +10,7 @@ from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array, Mask
 from crossmodal.maths.pinhole import Intrinsics
 from crossmodal.systems.declutter.segments import (
+    bare_part,
     on_plane,
     outline,
     segment_of_mask,
@@ -240,3 +241,28 @@ def test_what_is_beyond_the_image_is_still_there() -> None:
     assert found.contour == beyond.contour
     assert found.is_cut
     assert found.pixels.is_empty
+
+
+def test_the_table_is_bare_where_neither_an_object_nor_a_robot_is_before_it() -> None:
+    X_WC = aslant()
+    region = shapely.box(-0.5, -0.5, 1.5, 0.7)
+    shown = shown_part(region, CAMERA, X_WC, TABLE)
+    mask, depth = box_image(MIDDLE + SHAPE, 0.2, X_WC)
+    box = segment_of_mask(1, "box", mask, CAMERA, X_WC, TABLE, depth)
+    robot = np.zeros_like(mask)
+    robot[:, :100] = True
+    bare = bare_part(shown, (box,), robot, CAMERA, X_WC, TABLE)
+    rng = np.random.default_rng(0)
+    low, high = np.reshape(shown.bounds, (2, 2))
+    places = rng.uniform(low, high, (400, 2))
+    u, v = np.round(pixels_of(places, TABLE, X_WC)).astype(int).T
+    inside = (u >= 0) & (u < 640) & (v >= 0) & (v < 480)
+    places, u, v = places[inside], u[inside], v[inside]
+    free = ~(cv2.dilate((mask | robot).astype(np.uint8), np.ones((9, 9))) > 0)[v, u]
+    found = shapely.contains_xy(bare, *places.T)
+    assert found[free].mean() > 0.98
+    assert not found[(mask | robot)[v, u]].any()
+    # What is before the horizon hides it.
+    robot[0] = True
+    level = se3.looking_at(np.array([0.0, 0.1, TABLE + 0.3]), np.array([1.0, 0.1, TABLE + 0.2]))
+    assert bare_part(region, (), robot, CAMERA, level, TABLE).is_empty

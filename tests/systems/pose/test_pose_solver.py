@@ -198,3 +198,16 @@ def test_what_stands_on_a_table_is_upright_and_at_its_height(box: TargetModel, l
             assert_allclose(Y[0, :3, :3], X[:3, :3], atol=0.1)
         elif lean == 0.0:
             assert_allclose(Y[0, 2, 2], 1.0, atol=1e-4)
+
+
+def test_nothing_is_below_the_table_and_what_leans_may_be_above(box: TargetModel) -> None:
+    prior = PosePrior(X=np.eye(4), rotation_sigma=np.inf, translation_sigma=np.inf)
+    table = Table(height=0.0, height_sigma=2e-3, tilt_sigma=1e-2)
+    terms = problem_of(Evidence(table=table), prior, box, 10, np.random.default_rng(0))
+    X, N, v = np.eye(4), np.empty((6, 6)), np.empty(6)
+    costs = []
+    for height in (0.0, 0.05, -0.05):
+        X[2, 3] = HALF[2] + height
+        costs.append(linearise(X, np.zeros(0), FLOOR, terms, N, v))
+    assert costs[0] < 0.1 < costs[1] < 40.0
+    assert_allclose(costs[2], 25.0**2, atol=1.0)

@@ -231,7 +231,8 @@ class PoseMeasurements(RecursiveFilter):
             own = masks.objects == (-1 if target is None else target.number)
             own &= target is not None
             if target is not None and target.number in masks.glass:
-                others = masked | ((masks.objects >= 0) & ~own)
+                others = np.where(masked, masks.objects.max() + 1, masks.objects)
+                others[own & ~masked] = -1
                 outline = outline_planes(
                     own & ~masked, others, camera.intrinsics, X_WC[:3, :3], self._config.planes
                 )

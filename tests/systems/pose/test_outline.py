@@ -4,7 +4,7 @@ import numpy as np
 from numpy.testing import assert_allclose
 
 from crossmodal.maths import se3
-from crossmodal.maths.arrays import Mask
+from crossmodal.maths.arrays import Ids, Mask
 from crossmodal.maths.pinhole import Intrinsics
 from crossmodal.systems.pose.outline import outline_planes
 
@@ -13,7 +13,7 @@ INTRINSICS = Intrinsics(
 )
 EYE, MIDDLE, RADIUS = np.array([0.3, -0.2, 0.6]), np.array([0.5, 0.0, 0.1]), 0.06
 X_WC = se3.looking_at(EYE, MIDDLE + np.array([0.05, 0.02, 0.0]))
-NOTHING = np.zeros((240, 320), bool)
+NOTHING, NOBODY = np.zeros((240, 320), bool), np.full((240, 320), -1)
 COUNT = 16
 
 
@@ -26,8 +26,8 @@ def sphere() -> Mask:
     return (along > 0.0) & (to @ to - along**2 < RADIUS**2)
 
 
-def planes(own: Mask, other: Mask = NOTHING) -> np.ndarray:
-    return outline_planes(own, other, INTRINSICS, X_WC[:3, :3], COUNT)
+def planes(own: Mask, others: Ids = NOBODY) -> np.ndarray:
+    return outline_planes(own, others, INTRINSICS, X_WC[:3, :3], COUNT)
 
 
 def test_the_planes_touch_what_is_seen() -> None:
@@ -48,19 +48,35 @@ def test_a_hole_in_the_mask_changes_nothing() -> None:
     assert_allclose(planes(holed), planes(own))
 
 
-def test_nothing_is_known_of_an_end_beside_something_else() -> None:
+def test_nothing_is_known_where_something_beside_it_reaches_as_far() -> None:
     own = sphere()
     _, u = np.nonzero(own)
-    hidden, other = own.copy(), NOTHING.copy()
-    other[:, u.max() - 8 :] = True
-    hidden &= ~other
-    left = planes(hidden, other)
+    hiding = NOTHING.copy()
+    hiding[90:150, u.max() - 8 : u.max() + 5] = True
+    left = planes(own & ~hiding, np.where(hiding, 3, -1))
     assert 0 < len(left) < COUNT
     assert_allclose(left @ (MIDDLE - EYE), -RADIUS, atol=1.0 / 300.0 * 0.6)
-    # The same at the end of the image.
+    # What is not beside it hides nothing.
+    apart = np.where(np.indices(own.shape)[1] > u.max() + 20, 3, -1)
+    assert len(planes(own, apart)) == COUNT
+
+
+def test_the_larger_part_may_be_taken_for_something_else() -> None:
+    """As the bowl of a wineglass whose foot alone is known for what it is."""
+    own = sphere()
+    v, _ = np.nonzero(own)
+    foot = own & (np.indices(own.shape)[0] > v.max() - 10)
+    left = planes(foot, np.where(own & ~foot, 3, -1))
+    assert 0 < len(left) < COUNT
+    assert_allclose(left @ (MIDDLE - EYE), -RADIUS, atol=1.5 / 300.0 * 0.6)
+
+
+def test_nothing_is_known_of_what_the_image_cuts_off() -> None:
+    own = sphere()
+    _, u = np.nonzero(own)
     cut = np.roll(own, INTRINSICS.width - int(u.min()) - 10, axis=1)
     cut[:, :100] = False
-    assert len(planes(cut)) < COUNT
+    assert planes(cut).shape == (0, 3)
 
 
 def test_without_pixels_there_are_no_planes() -> None:

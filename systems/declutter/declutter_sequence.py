@@ -56,6 +56,7 @@ TOO_MANY = "as many actions as are allowed"
 UNREACHABLE = "unreachable"  # An outcome of an arm: it has not moved.
 BLOCKED = "blocked"  # Another one: something was in its way.
 ARM_VIEW = 1  # Number of the view of the arm, where there is one.
+_HIDDEN = 0.1  # Share of the target's surroundings that may be hidden where it stands free.
 _CENTRED = 2  # How often the camera is moved aside between two actions.
 NO_VIEW_LEFT = "the camera gets to no view of the table"
 
@@ -333,7 +334,8 @@ class DeclutterSequence(RecursiveFilter):
     def _centred(self, state: SequenceState, graph: DeclutterGraph) -> SequenceState | None:
         """Moves the camera over the target and what is next, if its image cuts them off.
 
-        While the target was never seen, over all that is cut off.
+        While the target was never seen, over all that is cut off. A target that seems to stand free
+        is looked at from above once more if something near it may be hidden.
         """
         wanted = {graph.next, *(v.segment.number for v in graph.vertices[:1])}
         cut = [
@@ -341,6 +343,8 @@ class DeclutterSequence(RecursiveFilter):
             for segment in state.scene.segments
             if segment.is_cut and (graph.is_guess or segment.number in wanted)
         ]
+        if graph.why == TARGET_FREE and self._hidden_near(state.scene, graph) > _HIDDEN:
+            cut = [graph.vertices[0].segment.contour]
         if state.centred == _CENTRED or not cut:
             return None
         x, y, right, up = shapely.total_bounds(cut)
@@ -350,6 +354,13 @@ class DeclutterSequence(RecursiveFilter):
             return None
         aimed = replace(state, middle=middle, is_aimed=False, centred=state.centred + 1)
         return self._look(aimed)
+
+    def _hidden_near(self, scene: Segments, graph: DeclutterGraph) -> float:
+        """Share of the target's surroundings where the image shows neither table nor objects."""
+        contour = graph.vertices[0].segment.contour
+        near = contour.buffer(self._config.around.near).difference(contour)
+        seen = shapely.union_all([scene.bare, *(s.contour for s in scene.segments)])
+        return float(near.difference(seen).area / near.area)
 
     def _judged(self, state: SequenceState, scene: Segments, offset: Array) -> SequenceState:
         """With what the last action, if there was one, has done.

@@ -28,6 +28,7 @@ from crossmodal.models.gripper_taxels import (
     WIDTH,
     gripper_taxels,
 )
+from crossmodal.systems.declutter.fingers import fingers_at
 from crossmodal.systems.declutter.segments import INNER
 from crossmodal.systems.port_values import Push, Segment
 
@@ -279,8 +280,7 @@ def hand_heights(
     tops = np.nan_to_num([other.top for other in others], nan=np.inf)
     along, across = 0.5 * np.array(PALM)
     right, front, left = fingers[:, 1:].T
-    middle = front - opening - THICKNESS
-    sides = 0.5 * (right + left)
+    middle, sides = _middles(fingers, opening).T
     palms = np.column_stack([middle - along, sides - across, middle + along, sides + across])
     # The object goes ahead of the finger: what the palm is above, it is above all the way.
     below = _swept_meets(segment, direction, palms, ways, contours)
@@ -304,8 +304,9 @@ def plan_pushes(
     """The pushes of an object that spare the target, the best one first; or one that says why not.
 
     There is one at most in each direction. Those come first that do not topple the object, then
-    those in which the fewest others are met, then those that take it out of the way, then those
-    nearest to the direction away from the clutter, to the left before to the right. Where the
+    those whose fingers have room beside others where they come down, then those in which the fewest
+    others are met, then those that take it out of the way, then those nearest to the direction away
+    from the clutter, to the left before to the right. Where the
     centroid cannot be behind the finger in any direction, the finger turns the object as it goes;
     then it may meet nothing, for what turns against other things slides off the finger.
 
@@ -316,7 +317,7 @@ def plan_pushes(
         config: Of the push.
     """
     away = away_from_clutter(segment, others, target)
-    found, failures = list[tuple[bool, int, bool, Push]](), set[str]()
+    found, failures = list[tuple[bool, bool, int, bool, Push]](), set[str]()
     for is_beside in (False, True):
         for turn in np.deg2rad(_both_sides(config.largest_turn, _TURN)):
             c, s = np.cos(turn), np.sin(turn)
@@ -329,9 +330,10 @@ def plan_pushes(
             if push.why and not is_beside:
                 failures.add(push.why)
             elif not push.why and not (is_beside and push.meets):
-                found.append((push.topples, len(push.meets), push.length < wanted, push))
+                narrow = not _has_room([push.place], others, direction, push.opening, config)[0]
+                found.append((push.topples, narrow, len(push.meets), push.length < wanted, push))
         if found:
-            return tuple(push for *_, push in sorted(found, key=lambda each: each[:3]))
+            return tuple(push for *_, push in sorted(found, key=lambda each: each[:4]))
     return (Push(why=f"every push {' or '.join(sorted(failures))}"),)
 
 
@@ -403,7 +405,9 @@ def _push(
         beside: _met(segment, others, direction, beside, instants[: ends[0] + 1])
         for beside in {levers[k] for k in place[possible]}
     }
-    for best in possible:
+    middles = segment.centroid + _middles(fingers, opening) @ _frame(direction)
+    has_room = _has_room(middles, others, direction, opening, config)
+    for best in possible[np.argsort(~has_room[possible], kind="stable")]:
         moved = [
             other
             for other, at in zip(others, met[levers[place[best]]], strict=True)
@@ -416,11 +420,9 @@ def _push(
             spared(outlines_on_the_way(o, direction, 0.0, along), target, config.clearance)[-1]
             for o in moved
         ):
-            _, right, front, left = fingers[best]
-            middle = [front - opening - THICKNESS, 0.5 * (right + left)]
             return Push(
                 point=points[place[best]],
-                place=segment.centroid + middle @ _frame(direction),
+                place=middles[best],
                 opening=opening,
                 direction=direction,
                 length=float(lengths[which[best]]),
@@ -432,6 +434,26 @@ def _push(
                 lever=levers[place[best]],
             )
     return Push(why=SWEEPS)
+
+
+def _middles(fingers: Array, opening: float) -> Array:
+    """Middles (N, 2) between the fingers, along a push and to its left, see `rectangles`."""
+    return np.column_stack(
+        [fingers[:, 2] - opening - THICKNESS, 0.5 * (fingers[:, 1] + fingers[:, 3])]
+    )
+
+
+def _has_room(
+    middles: Sequence[Array] | Array,
+    others: Sequence[Segment],
+    direction: Array,
+    opening: float,
+    config: PushConfig,
+) -> Mask:
+    """Whether fingers around middles (N, 2) in W are as far from others as from their object."""
+    fingers = np.array([fingers_at(middle, direction, opening) for middle in middles])
+    apart = shapely.distance(fingers[:, None], _contours(others))
+    return np.asarray(apart.min(axis=1, initial=np.inf) >= config.gap - _LENGTH)
 
 
 def _offsets(segment: Segment, is_beside: bool, config: PushConfig) -> Array:

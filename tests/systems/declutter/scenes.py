@@ -6,6 +6,7 @@ import shapely
 from crossmodal.maths.arrays import Array
 from crossmodal.systems.port_values import Segment, Segments
 
+EVERYWHERE = shapely.box(-2.0, -2.0, 2.0, 2.0)
 NAMES = ("wineglass", "can", "sponge", "marker", "", "box")
 
 
@@ -40,5 +41,7 @@ def random_scene(seed: int, count: int = 10, spread: float = 0.1) -> tuple[Segme
     return tuple(found)
 
 
-def image(*segments: Segment, number: int = 1) -> Segments:
-    return Segments(number=number, time=0.1 * number, segments=segments)
+def image(*segments: Segment, number: int = 1, shown: shapely.Geometry = EVERYWHERE) -> Segments:
+    """What an image shows that is taken from straight above."""
+    bare = shapely.difference(shown, shapely.union_all([s.contour for s in segments]))
+    return Segments(number=number, time=0.1 * number, segments=segments, bare=bare)

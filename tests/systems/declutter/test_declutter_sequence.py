@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import shapely
 from numpy.testing import assert_allclose
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import InputPortIndex, OutputPortIndex
@@ -127,7 +128,8 @@ class Robot:
             for n, s in self.objects.items()
             if n not in self.hidden.get(place, ())
         ]
-        self.fix("segments", image(*shown, number=view.number))
+        within = shapely.Point(p_WC).buffer(min(self.edge, 2.0))
+        self.fix("segments", image(*shown, number=view.number, shown=within))
         grasp = Grasp(X_WE=np.eye(4), width=0.05, quality=0.9)
         grasps = {n: (grasp, replace(grasp, quality=0.5)) for n in self.graspable}
         self.fix("grasps", Grasps(number=view.number, grasps=grasps))
@@ -321,6 +323,13 @@ def test_what_the_arm_cannot_begin_fails_without_the_camera_leaving() -> None:
     assert step.others == ()
     step = judge(robot.read("action_request"), "slipped", 3, rests, shown, 0.02)  # type: ignore[arg-type]
     assert (step.worked, step.others) == (True, (2,))
+
+
+def test_a_target_near_the_image_s_border_is_not_free_before_it_is_looked_at_from_above() -> None:
+    robot = Robot(row("wineglass"), edge=0.55).run()
+    assert [tuple(view.X_WC[:2, 3]) for view in robot.views] == [(0.0, 0.0), (0.5, 0.0)]
+    assert robot.progress.why == ""
+    assert len(Robot(row("wineglass"), edge=0.65).run().views) == 1
 
 
 def test_a_target_that_is_hidden_is_looked_for_from_elsewhere() -> None:

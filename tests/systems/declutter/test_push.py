@@ -324,17 +324,19 @@ def brute_force(
 ) -> Push | None:
     """Of all turns in which the finger comes down where it is free, that which meets the fewest.
 
-    Instants of the ways are looked at. What is met goes along and must spare the target, too.
+    Those come first in which it has room there. Instants of the ways are looked at. What is met
+    goes along and must spare the target, too.
     """
     away = away_from_clutter(segment, others, target)
     steps = round(config.largest_turn / 10.0)
     inner = scale(segment.contour.convex_hull, 0.8, 0.8, origin="centroid")
-    found: list[tuple[int, int, Push]] = []
+    found: list[tuple[bool, int, int, Push]] = []
     turns = sorted(range(-steps, steps + 1), key=lambda step: (abs(step), -step))
     for rank, step in enumerate(turns):
         d = rotation(np.deg2rad(10.0 * step)) @ away
         if not spares(segment, target, config.longest * d, config.clearance):
             continue
+        fine: list[tuple[bool, int, int, Push]] = []
         objects = [translate(inner, *(x * d)) for x in np.linspace(0.0, config.longest, 131)]
         for offset in (0.0, 0.005, -0.005, 0.01, -0.01):
             place = finger_place(segment, d, offset, config)
@@ -358,9 +360,10 @@ def brute_force(
             ]
             motion = config.longest * d
             if all(spares(other, target, motion, config.clearance) for other in met):
-                found.append((len(met), rank, Push(direction=d, point=place[0])))
-                break
-    return min(found, key=lambda each: each[:2])[2] if found else None
+                narrow = min(place[1].distance(other.contour) for other in others) < config.gap
+                fine.append((narrow, len(met), rank, Push(direction=d, point=place[0])))
+        found += sorted(fine, key=lambda each: each[0])[:1]
+    return min(found, key=lambda each: each[:3])[3] if found else None
 
 
 @pytest.mark.parametrize("seed", range(12))

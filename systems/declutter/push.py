@@ -405,9 +405,9 @@ def _push(
         beside: _met(segment, others, direction, beside, instants[: ends[0] + 1])
         for beside in {levers[k] for k in place[possible]}
     }
-    middles = segment.centroid + _middles(fingers, opening) @ _frame(direction)
+    middles = segment.centroid + _middles(places, opening) @ _frame(direction)
     has_room = _has_room(middles, others, direction, opening, config)
-    for best in possible[np.argsort(~has_room[possible], kind="stable")]:
+    for best in possible[np.argsort(~has_room[place[possible]], kind="stable")]:
         moved = [
             other
             for other, at in zip(others, met[levers[place[best]]], strict=True)
@@ -422,7 +422,7 @@ def _push(
         ):
             return Push(
                 point=points[place[best]],
-                place=middles[best],
+                place=middles[place[best]],
                 opening=opening,
                 direction=direction,
                 length=float(lengths[which[best]]),

@@ -1,5 +1,4 @@
-"""What was measured of an object: points on its surface, planes through a camera that touch its
-outline, space that is free, what it stands on.
+"""What was measured of an object: its surface, its outlines, free space, what it stands on.
 
 All positions are in the world W. Measurements come in groups, one for each view or for the touches
 of one arm: what is wrong with the calibration of camera or arm displaces all points of a group

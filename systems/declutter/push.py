@@ -38,6 +38,7 @@ MEETS = "meets something else"
 
 _LENGTH = 1e-6  # Lengths that differ by less are alike, [m];
 _AREA = 1e-6  # so are areas, [m^2].
+_INSIDE = 1e-3  # Of an outline, where it is certainly met, [m].
 _STEP = 0.01  # Between instants of a motion that are looked at, [m].
 _LONGER = 0.02  # Between lengths that are tried, [m].
 _TURN = 10.0  # Between directions that are tried, [deg].
@@ -68,6 +69,8 @@ class PushConfig:
     largest_turn: float = number(90.0, at_least=0.0, at_most=180.0, unit="deg")
     # Coefficient between objects and table.
     friction: float = number(0.5, above=0.0, at_most=2.0)
+    # Between finger and object; outlines err by a third of that.
+    sticks: float = number(0.35, above=0.0, at_most=2.0)
     # Share of the outline's extent that the foot has at least: of the goods that stand, that of the
     # spray bottle has .59, that of the wineglass .88.
     foot: float = number(0.55, above=0.0, at_most=1.0)
@@ -157,6 +160,27 @@ def finger_places(
     points = segment.centroid + np.column_stack([hindmost, offsets]) @ frame
     depth = THICKNESS if opening else 2.0 * THICKNESS
     return points, np.column_stack([rear - depth, right, rear, left])
+
+
+def slopes(segment: Segment, direction: Array, points: Array) -> Array:
+    """Of the contour at points (N, 2) where a finger pushes, across the push: its sides' tangents.
+
+    They are taken over a finger's width to both sides, since outlines err. A finger slides along an
+    object that is steeper than their coefficient of friction, and what is round rolls away from it.
+
+    Args:
+        segment: To be pushed.
+        direction: Of the push (2,), a unit vector.
+        points: Hindmost ones along the push.
+    """
+    frame = _frame(direction)
+    own = shapely.transform(segment.contour, lambda p: (p - segment.centroid) @ frame.T)
+    back, right, front, left = own.bounds
+    middle = (points - segment.centroid) @ frame[1]
+    sides = np.clip(middle[:, None] + [-WIDTH, WIDTH], right + _INSIDE, left - _INSIDE)
+    lines = np.stack(np.broadcast_arrays([[back, front]], sides[..., None]), axis=-1)
+    hindmost = shapely.bounds(shapely.intersection(own, shapely.linestrings(lines)))[..., 0]
+    return np.asarray(np.diff(hindmost)[:, 0] / np.diff(sides)[:, 0])
 
 
 def rectangles(segment: Segment, direction: Array, edges: Array) -> Array:
@@ -304,11 +328,12 @@ def plan_pushes(
     """The pushes of an object that spare the target, the best one first; or one that says why not.
 
     There is one at most in each direction. Those come first that do not topple the object, then
-    those whose fingers have room beside others where they come down, then those in which the fewest
-    others are met, then those that take it out of the way, then those nearest to the direction away
-    from the clutter, to the left before to the right. Where the
-    centroid cannot be behind the finger in any direction, the finger turns the object as it goes;
-    then it may meet nothing, for what turns against other things slides off the finger.
+    those whose finger does not slide along it, then those whose fingers have room beside others
+    where they come down, then those in which the fewest others are met, then those that take it out
+    of the way, then those nearest to the direction away from the clutter, to the left before to the
+    right. Where the centroid cannot be behind the finger in any direction, the finger turns the
+    object as it goes; then it may meet nothing, for what turns against other things slides off the
+    finger.
 
     Args:
         segment: To be pushed.
@@ -317,7 +342,7 @@ def plan_pushes(
         config: Of the push.
     """
     away = away_from_clutter(segment, others, target)
-    found, failures = list[tuple[bool, bool, int, bool, Push]](), set[str]()
+    found, failures = list[tuple[bool, bool, bool, int, bool, Push]](), set[str]()
     for is_beside in (False, True):
         for turn in np.deg2rad(_both_sides(config.largest_turn, _TURN)):
             c, s = np.cos(turn), np.sin(turn)
@@ -330,10 +355,12 @@ def plan_pushes(
             if push.why and not is_beside:
                 failures.add(push.why)
             elif not push.why and not (is_beside and push.meets):
+                slides = abs(slopes(segment, direction, push.point[None])[0]) > config.sticks
                 narrow = not _has_room([push.place], others, direction, push.opening, config)[0]
-                found.append((push.topples, narrow, len(push.meets), push.length < wanted, push))
+                short = push.length < wanted
+                found.append((push.topples, slides, narrow, len(push.meets), short, push))
         if found:
-            return tuple(push for *_, push in sorted(found, key=lambda each: each[:4]))
+            return tuple(push for *_, push in sorted(found, key=lambda each: each[:5]))
     return (Push(why=f"every push {' or '.join(sorted(failures))}"),)
 
 
@@ -406,8 +433,9 @@ def _push(
         for beside in {levers[k] for k in place[possible]}
     }
     middles = segment.centroid + _middles(places, opening) @ _frame(direction)
-    has_room = _has_room(middles, others, direction, opening, config)
-    for best in possible[np.argsort(~has_room[place[possible]], kind="stable")]:
+    narrow = ~_has_room(middles, others, direction, opening, config)
+    slides = np.abs(slopes(segment, direction, points)) > config.sticks
+    for best in possible[np.lexsort((narrow[place[possible]], slides[place[possible]]))]:
         moved = [
             other
             for other, at in zip(others, met[levers[place[best]]], strict=True)

@@ -144,8 +144,8 @@ def declutter_graph(
     That is a leaf on which an action may still be tried and is possible: one on which nothing lies
     before others, then that of the highest incoming weight, and among equal ones that of the lowest
     number. A leaf without such an action stays where it is, and what it hangs on counts as a leaf.
-    Before all that come actions that are likely to work: a grasp of quality mu_q, and a push that
-    meets nothing, of something that is seen whole and on which nothing lies. Glass is not pushed
+    What others cover, or lie on, comes after all others. Before all that come actions that are
+    likely to work: a grasp of quality mu_q, and a push that meets nothing. Glass is not pushed
     before: how high it is, and so where its outline lies, is a guess, the better the more of it
     stands alone.
 
@@ -226,7 +226,8 @@ def declutter_graph(
         else:
             vertices[n] = replace(leaf, action=None, why=why)
         staying.add(n)
-    found = possible[0] if possible else graph
+    # What others lie on is held by them.
+    found = min(possible, key=lambda g: g.is_covered or g.next in beneath, default=graph)
     return replace(found, vertices=tuple(vertices.values()))
 
 

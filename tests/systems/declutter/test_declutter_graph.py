@@ -413,6 +413,15 @@ def test_what_others_cover_waits_and_is_to_be_seen_from_elsewhere() -> None:
     assert graph_of(target, little, whole, qualities={1: 0.9, 2: 0.9}).next == 1
 
 
+def test_what_covers_a_leaf_is_moved_before_it_even_if_that_is_not_sure() -> None:
+    """Three in a row from the target: glass in the middle lies on the outer one."""
+    target, on, leaf = row(0.0, 0.05, 0.08)
+    glass = replace(on, is_glass=True)  # Its pushes are never sure.
+    assert graph_of(target, glass, leaf).next == leaf.number
+    found = graph_of(target, glass, replace(leaf, covered=0.3))
+    assert (found.next, found.is_covered) == (glass.number, False)
+
+
 def test_what_hangs_on_a_leaf_that_cannot_be_moved_is_moved_instead() -> None:
     """Three in a row from the target: the outer one stays, so the middle one is next."""
     chain = row(0.0, 0.05, 0.08)

@@ -63,7 +63,7 @@ class DeclutterConfig:
     # Share of an object's outline that others may be before: else it is taken away after those that
     # are seen whole, and looked at from elsewhere before that.
     covered: float = number(0.1, at_least=0.0, at_most=1.0)
-    # Of each action on each object.
+    # Of each action on each object; one that was moved so often waits until the others were.
     tries: int = number(2, at_least=1, at_most=100)
     push: PushConfig = field(default_factory=PushConfig)
 
@@ -142,12 +142,12 @@ def declutter_graph(
     """The graph of a scene, and what to take away next.
 
     That is a leaf on which an action may still be tried and is possible: one on which nothing lies
-    before others, then that of the highest incoming weight, and among equal ones that of the lowest
-    number. A leaf without such an action stays where it is, and what it hangs on counts as a leaf.
-    What others cover, or lie on, comes after all others. Before all that come actions that are
-    likely to work: a grasp of quality mu_q, and a push that meets nothing. Glass is not pushed
-    before: how high it is, and so where its outline lies, is a guess, the better the more of it
-    stands alone.
+    before others, then one that was not moved twice yet, then that of the highest incoming weight,
+    and among equal ones that of the lowest number. A leaf without such an action stays where it is,
+    and what it hangs on counts as a leaf. What others cover, or lie on, comes after all others.
+    Before all that come actions that are likely to work: a grasp of quality mu_q, and a push that
+    meets nothing. Glass is not pushed before: how high it is, and so where its outline lies, is a
+    guess, the better the more of it stands alone.
 
     Args:
         scene: All objects.
@@ -199,11 +199,14 @@ def declutter_graph(
         why=NO_TARGET if is_guess else TARGET_FREE if len(tree) == 1 else NOTHING_LEFT,
     )
     beneath = {s.number for s in segments if _lies_beneath(s, segments, config)}
+
+    def rank(leaf: DeclutterVertex) -> tuple[bool, bool, float, int]:
+        n = leaf.segment.number
+        return n not in beneath, tries.moved.get(n, 0) < config.tries, leaf.weight, -n
+
     staying, possible = set[int](), list[DeclutterGraph]()
     while leaves := graph.leaves(staying):
-        leaf = max(
-            leaves, key=lambda v: (v.segment.number not in beneath, v.weight, -v.segment.number)
-        )
+        leaf = max(leaves, key=rank)
         n, why = leaf.segment.number, leaf.why
         others = [segment for segment in segments if segment.number != n]
         for action in left[n]:

@@ -385,6 +385,7 @@ class DeclutterSequence(RecursiveFilter):
             from_above = np.isinf(state.met[:, 2])
             tries = tries.blocked_at(state.met[from_above, :2] - offset[:2])
             if step.worked:
+                tries = tries.with_motion(step.object)
                 tries = tries.after_motion(*self._near(state.rests, moved))
             elif step.outcome == UNREACHABLE:
                 tries = tries.out_of_reach(step.object, step.action)

@@ -140,10 +140,11 @@ class Grasps(Immutable):
 
 @dataclass(frozen=True, kw_only=True)
 class Tries(Immutable):
-    """How often each action has failed on each object.
+    """How often each action has failed on each object, and how often it was moved.
 
     Attributes:
         number: Of the image up to which they were counted.
+        moved: How often an object was moved by an action on it, by its number.
         failed: Counts by the object's number and the action.
         hindered: Likewise of those that something in the way prevented, since something near the
             object was moved: that may have been it.
@@ -152,6 +153,7 @@ class Tries(Immutable):
     """
 
     number: int = 0
+    moved: Mapping[int, int] = field(default_factory=dict)
     failed: Mapping[tuple[int, DeclutterAction], int] = field(default_factory=dict)
     hindered: Mapping[tuple[int, DeclutterAction], int] = field(default_factory=dict)
     unreachable: frozenset[tuple[int, DeclutterAction]] = frozenset()
@@ -171,6 +173,10 @@ class Tries(Immutable):
         key, counts = (number, action), self.hindered if hindered else self.failed
         counts = {**counts, key: counts.get(key, 0) + 1}
         return replace(self, hindered=counts) if hindered else replace(self, failed=counts)
+
+    def with_motion(self, number: int) -> "Tries":
+        """After an action that has moved its object."""
+        return replace(self, moved={**self.moved, number: self.moved.get(number, 0) + 1})
 
     def out_of_reach(self, number: int, action: DeclutterAction) -> "Tries":
         """After one that the arm could not even begin."""

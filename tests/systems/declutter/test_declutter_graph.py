@@ -413,6 +413,16 @@ def test_what_others_cover_waits_and_is_to_be_seen_from_elsewhere() -> None:
     assert graph_of(target, little, whole, qualities={1: 0.9, 2: 0.9}).next == 1
 
 
+def test_what_was_moved_twice_and_is_still_in_the_way_waits_for_the_others() -> None:
+    target, near = rectangle(0, "wineglass", (0.0, 0.0)), rectangle(1, "can", (0.05, 0.0))
+    far = rectangle(2, "can", (-0.08, 0.0))
+    tries = NO_TRIES
+    for expected in (1, 1, 2, 2, 1):
+        found = graph_of(target, near, far, tries=tries).next
+        assert found == expected
+        tries = tries.with_motion(found)
+
+
 def test_what_covers_a_leaf_is_moved_before_it_even_if_that_is_not_sure() -> None:
     """Three in a row from the target: glass in the middle lies on the outer one."""
     target, on, leaf = row(0.0, 0.05, 0.08)

@@ -56,7 +56,7 @@ TOO_MANY = "as many actions as are allowed"
 UNREACHABLE = "unreachable"  # An outcome of an arm: it has not moved.
 BLOCKED = "blocked"  # Another one: something was in its way.
 ARM_VIEW = 1  # Number of the view of the arm, where there is one.
-_HIDDEN = 0.1  # Share of the target's surroundings that may be hidden where it stands free.
+_UNSEEN = 0.1  # Share of the target's surroundings that may be hidden where it stands free.
 _CENTRED = 2  # How often the camera is moved aside between two actions.
 NO_VIEW_LEFT = "the camera gets to no view of the table"
 
@@ -343,7 +343,7 @@ class DeclutterSequence(RecursiveFilter):
             for segment in state.scene.segments
             if segment.is_cut and (graph.is_guess or segment.number in wanted)
         ]
-        if graph.why == TARGET_FREE and self._hidden_near(state.scene, graph) > _HIDDEN:
+        if graph.why == TARGET_FREE and self._hidden_near(state.scene, graph) > _UNSEEN:
             cut = [graph.vertices[0].segment.contour]
         if state.centred == _CENTRED or not cut:
             return None

@@ -69,7 +69,8 @@ class PushConfig:
     largest_turn: float = number(90.0, at_least=0.0, at_most=180.0, unit="deg")
     # Coefficient between objects and table.
     friction: float = number(0.5, above=0.0, at_most=2.0)
-    # Between finger and object; outlines err by a third of that.
+    # Tangent of the angle between the push and the normal of the object's rear, up to which the
+    # finger does not slide: 0.7 of a coefficient of friction of 0.5.
     sticks: float = number(0.35, above=0.0, at_most=2.0)
     # Share of the outline's extent that the foot has at least: of the goods that stand, that of the
     # spray bottle has .59, that of the wineglass .88.

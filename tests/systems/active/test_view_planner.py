@@ -159,6 +159,24 @@ def test_the_grid_can_be_read(model: TargetModel) -> None:
     assert planner.GetOutputPort("grid_latest").Eval(context) is seen
 
 
+def test_later_views_are_around_where_the_object_is_believed_to_be(model: TargetModel) -> None:
+    """It is 8 cm beside the first guess."""
+    planner, context = start(model, distance=0.4)
+    first = planner.GetOutputPort("view_latest").Eval(context)
+    found = CENTRE + np.array([0.08, 0.0, 0.0])
+    X = np.eye(4)
+    X[:3, 3] = found
+    belief = replace(UNKNOWN_POSE, known=True, number=1, X=X, samples=np.array([X, X]))
+    planner.GetInputPort("object_pose").FixValue(context, AbstractValue.Make(belief))
+    request = tick(planner, context, taken(first))
+    assert request.number == 2
+    assert_allclose(request.X_WB[:3, 3], found)
+    assert_allclose(request.box_edges, [0.06, 0.1, 0.2])
+    assert (first.box_edges > request.box_edges).all()
+    eye, axis = request.X_WC[:3, 3], request.X_WC[:3, 2]
+    assert_allclose(eye + 0.4 * axis, found, atol=1e-9)
+
+
 def test_views_end_when_the_pose_has_settled(model: TargetModel) -> None:
     """The next view waits until the last one is in the belief."""
     planner, context = start(model, settled_translation=5e-3, settled_rotation=2.0)

@@ -26,7 +26,8 @@ from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.validation import number
 from crossmodal.systems.declutter.fingers import comes_down
-from crossmodal.systems.declutter.push import PushConfig, plan_pushes
+from crossmodal.systems.declutter.push import PushConfig
+from crossmodal.systems.declutter.push_planning import plan_pushes
 from crossmodal.systems.declutter.segments import intersection_over_union
 from crossmodal.systems.port_values import (
     DeclutterAction,

@@ -1,13 +1,9 @@
-"""How to push an object over the table: away from the others, past the target, without toppling.
+"""What a straight, quasi-static push does: where the finger fits, what moves along, what is met.
 
-A push is straight and quasi-static. All places are in W's x and y, see `port_values.declutter`.
-Source: section II-B.1 of the paper on active visuo-tactile perception in clutter. Beyond it, the
-push leaves the target alone, is low enough and as long as it takes. The paper's finger is a box of
-pixels that overlaps others as little as possible; ours is one of metres with a palm above it, which
-comes down where it is free. On their way finger and object may meet others, as few as possible,
-that go along and leave the target alone, too. The palm juts out beyond the closed fingers; where it
-would meet something, as a high object itself, the fingers are opened: then the one in front is
-below the palm's edge, and what is high is before both.
+All places are in W's x and y, see `port_values.declutter`. The finger is a box with a palm above
+it, which comes down where it is free. The palm juts out beyond the closed fingers; where it would
+meet something, as a high object itself, the fingers are opened: then the one in front is below the
+palm's edge, and what is high is before both. Which push is made is chosen in `push_planning`.
 """
 
 from collections.abc import Sequence
@@ -15,39 +11,19 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
-from shapely.affinity import translate
 
 from crossmodal.maths.arrays import Array, Mask
 from crossmodal.maths.validation import number
-from crossmodal.models.gripper_taxels import (
-    ARRAYS,
-    PALM,
-    PALM_ABOVE,
-    THICKNESS,
-    TRAVEL,
-    WIDTH,
-    gripper_taxels,
-)
+from crossmodal.models.gripper_taxels import PALM, PALM_ABOVE, THICKNESS, WIDTH
 from crossmodal.systems.declutter.fingers import fingers_at
 from crossmodal.systems.declutter.segments import INNER
-from crossmodal.systems.port_values import Push, Segment
+from crossmodal.systems.port_values import Segment
 
-SWEEPS = "sweeps the target"
-TOPPLES = "topples it"
-MEETS = "meets something else"
+LENGTH = 1e-6  # Lengths that differ by less are alike, [m].
 
-_LENGTH = 1e-6  # Lengths that differ by less are alike, [m];
-_AREA = 1e-6  # so are areas, [m^2].
+_AREA = 1e-6  # So are areas, [m^2].
 _INSIDE = 1e-3  # Of an outline, where it is certainly met, [m].
-_STEP = 0.01  # Between instants of a motion that are looked at, [m].
-_LONGER = 0.02  # Between lengths that are tried, [m].
-_TURN = 10.0  # Between directions that are tried, [deg].
-_ASIDE = 0.005  # Between places of the finger that are tried, [m].
-_BESIDE = 0.01  # Likewise of those beside which the centroid passes, [m].
 _TURNED = 0.5 * np.pi  # Farther nothing is turned: the finger has gone by.
-# Middle of the outer taxels above the fingers' ends, [m].
-_LAYOUT = gripper_taxels()
-_TAXELS = -float(_LAYOUT.p_FS[_LAYOUT.array == ARRAYS.index("left_outer"), 2].mean())
 
 
 @dataclass(kw_only=True)
@@ -88,31 +64,6 @@ class PushConfig:
     above: float = number(0.01, at_least=0.0, at_most=0.5, unit="m")
 
 
-def away_from_clutter(segment: Segment, others: Sequence[Segment], target: Segment) -> Array:
-    """The unit vector (2,) d = -v / |v| with v = sum_i w_i v_i, v_i the way to another's centroid.
-
-    The paper leaves w_i open. It is 1 / (|v_i|^2 + w^2), w the finger's width: the influence
-    |w_i v_i| falls with the distance, yet two centroids that nearly coincide, which say nothing, do
-    not decide. Where v vanishes, d is the way from the target, and where that does, too, along the
-    box's shorter edge.
-
-    Args:
-        segment: To be pushed.
-        others: All others, the target too.
-        target: The target.
-    """
-    ways = np.array([other.centroid - segment.centroid for other in others])
-    squared = np.square(ways).sum(axis=1)
-    weights = 1.0 / (squared + WIDTH**2)
-    for v in (weights @ ways / weights.sum(), target.centroid - segment.centroid):
-        if np.linalg.norm(v) > _LENGTH:
-            return np.asarray(-v / np.linalg.norm(v))
-    edges = np.diff(shapely.get_coordinates(segment.box)[:3], axis=0)
-    lengths = np.linalg.norm(edges, axis=1)
-    across = edges[np.argmin(lengths)] / lengths.min()
-    return np.asarray(across if tuple(np.round(across, 9)) > (0.0, 0.0) else -across)
-
-
 def push_height(segment: Segment, direction: Array, config: PushConfig) -> float:
     """Highest place above the table [m] at which a push is safe not to topple an object.
 
@@ -149,7 +100,7 @@ def finger_places(
         The hindmost points (P, 2) of the contour on the finger's lines along the push, and the
         finger's edges (P, 4), see `rectangles`: as far forward as its width allows, less the gap.
     """
-    frame = _frame(direction)
+    frame = push_frame(direction)
     own = shapely.transform(segment.contour, lambda p: (p - segment.centroid) @ frame.T)
     back, _, front, _ = own.bounds
     ends = np.array([[[back, offset], [front, offset]] for offset in offsets]).reshape(-1, 2, 2)
@@ -174,7 +125,7 @@ def slopes(segment: Segment, direction: Array, points: Array) -> Array:
         direction: Of the push (2,), a unit vector.
         points: Hindmost ones along the push.
     """
-    frame = _frame(direction)
+    frame = push_frame(direction)
     own = shapely.transform(segment.contour, lambda p: (p - segment.centroid) @ frame.T)
     back, right, front, left = own.bounds
     middle = (points - segment.centroid) @ frame[1]
@@ -194,7 +145,7 @@ def rectangles(segment: Segment, direction: Array, edges: Array) -> Array:
             the order back, right, front, left (..., 4), [m].
     """
     corners = edges[..., [[0, 1], [2, 1], [2, 3], [0, 3]]]
-    return np.asarray(shapely.polygons(segment.centroid + corners @ _frame(direction)))
+    return np.asarray(shapely.polygons(segment.centroid + corners @ push_frame(direction)))
 
 
 def lever(offset: float) -> float:
@@ -204,6 +155,12 @@ def lever(offset: float) -> float:
         offset: Of the finger's middle to the left of the line through the centroid, [m].
     """
     return float(np.sign(offset) * max(abs(offset) - 0.5 * WIDTH, 0.0))
+
+
+def torque_per_force(segment: Segment) -> float:
+    """The greatest ones of friction below an object, [m]."""
+    edges = np.diff(shapely.get_coordinates(segment.box)[:3], axis=0)
+    return float(np.sqrt(np.square(edges).sum() / 15.0))
 
 
 def outlines_on_the_way(
@@ -224,7 +181,7 @@ def outlines_on_the_way(
         lengths: Of the pushes (K,), [m].
         size: Of the outline; smaller ones do not meet what only touches the object.
     """
-    squared = _torque_per_force(segment) ** 2
+    squared = torque_per_force(segment) ** 2
     whole = squared + lever**2
     turns = np.clip(-lever / whole * lengths, -_TURNED, _TURNED)
     c, s = np.cos(turns), np.sin(turns)
@@ -242,40 +199,21 @@ def spared(outlines: Array, target: Segment, clearance: float) -> Mask:
     touches the target or lies over a part of it, it never lies over a larger part.
     """
     gaps = shapely.distance(outlines, target.contour)
-    if gaps[0] > _LENGTH:
-        fine = gaps > min(clearance, gaps[0]) - _LENGTH
+    if gaps[0] > LENGTH:
+        fine = gaps > min(clearance, gaps[0]) - LENGTH
     else:
         over = shapely.area(shapely.intersection(target.contour, outlines))
         fine = over <= over[0] + _AREA
     return np.asarray(np.logical_and.accumulate(fine))
 
 
-def push_length(
-    segment: Segment,
-    others: Sequence[Segment],
-    target: Segment,
-    direction: Array,
-    config: PushConfig,
-) -> float:
-    """The shortest push [m] that takes an object out of the way; the longest, if none does.
-
-    It is out of the way where it is clear of the target and lies over no other object.
-
-    Args:
-        segment: To be pushed.
-        others: All others, the target too.
-        target: The target.
-        direction: Of the push (2,), a unit vector.
-        config: Of the push.
-    """
-    contours = _contours(others)
-    count = int(np.ceil((config.longest - config.shortest) / _LONGER - _LENGTH))
-    for length in np.append(config.shortest + _LONGER * np.arange(count), config.longest):
-        moved = translate(segment.contour, *(length * direction))
-        far = moved.distance(target.contour) > config.clear - _LENGTH
-        if far and not shapely.intersects(contours, moved).any():
-            return float(length)
-    return config.longest
+def first_met(
+    segment: Segment, others: Sequence[Segment], direction: Array, lever: float, lengths: Array
+) -> Array:
+    """At which of so long pushes (K,) others (N,) are first met, without those only touched."""
+    outlines = outlines_on_the_way(segment, direction, lever, lengths, INNER)
+    meets = shapely.intersects(prepared_contours(others)[:, None], outlines)
+    return np.where(meets.any(axis=1), meets.argmax(axis=1), len(lengths))
 
 
 def hand_heights(
@@ -301,11 +239,11 @@ def hand_heights(
         config: With the distance between palm and objects.
         opening: Of each finger, [m].
     """
-    contours = _contours(others)
+    contours = prepared_contours(others)
     tops = np.nan_to_num([other.top for other in others], nan=np.inf)
     along, across = 0.5 * np.array(PALM)
     right, front, left = fingers[:, 1:].T
-    middle, sides = _middles(fingers, opening).T
+    middle, sides = finger_middles(fingers, opening).T
     palms = np.column_stack([middle - along, sides - across, middle + along, sides + across])
     # The object goes ahead of the finger: what the palm is above, it is above all the way.
     below = _swept_meets(segment, direction, palms, ways, contours)
@@ -323,156 +261,7 @@ def hand_heights(
     return np.asarray(np.where(meets, np.inf, least))
 
 
-def plan_pushes(
-    segment: Segment, others: Sequence[Segment], target: Segment, config: PushConfig
-) -> tuple[Push, ...]:
-    """The pushes of an object that spare the target, the best one first; or one that says why not.
-
-    There is one at most in each direction. Those come first that do not topple the object, then
-    those whose finger does not slide along it, then those whose fingers have room beside others
-    where they come down, then those in which the fewest others are met, then those that take it out
-    of the way, then those nearest to the direction away from the clutter, to the left before to the
-    right. Where the centroid cannot be behind the finger in any direction, the finger turns the
-    object as it goes; then it may meet nothing, for what turns against other things slides off the
-    finger.
-
-    Args:
-        segment: To be pushed.
-        others: All others, the target too.
-        target: The target.
-        config: Of the push.
-    """
-    away = away_from_clutter(segment, others, target)
-    found, failures = list[tuple[bool, bool, bool, int, bool, Push]](), set[str]()
-    for is_beside in (False, True):
-        for turn in np.deg2rad(_both_sides(config.largest_turn, _TURN)):
-            c, s = np.cos(turn), np.sin(turn)
-            direction = np.array([[c, -s], [s, c]]) @ away
-            wanted = push_length(segment, others, target, direction, config)
-            for opening in (0.0, TRAVEL):  # Fingers are opened where closed ones meet something.
-                push = _push(segment, others, target, direction, wanted, is_beside, opening, config)
-                if push.why != MEETS:
-                    break
-            if push.why and not is_beside:
-                failures.add(push.why)
-            elif not push.why and not (is_beside and push.meets):
-                slides = abs(slopes(segment, direction, push.point[None])[0]) > config.sticks
-                narrow = not _has_room([push.place], others, direction, push.opening, config)[0]
-                short = push.length < wanted
-                found.append((push.topples, slides, narrow, len(push.meets), short, push))
-        if found:
-            return tuple(push for *_, push in sorted(found, key=lambda each: each[:5]))
-    return (Push(why=f"every push {' or '.join(sorted(failures))}"),)
-
-
-def _contours(segments: Sequence[Segment]) -> Array:
-    """Of objects (N,), prepared to be compared with many other shapes."""
-    contours = np.array([segment.contour for segment in segments], object)
-    shapely.prepare(contours)
-    return contours
-
-
-def _both_sides(end: float, step: float) -> Array:
-    """Multiples of a step up to an end, the least first, to the left before the right."""
-    count = int(end / step + 1e-9)
-    return step * np.array(sorted(range(-count, count + 1), key=lambda k: (abs(k), -k)))
-
-
-def _push(
-    segment: Segment,
-    others: Sequence[Segment],
-    target: Segment,
-    direction: Array,
-    wanted: float,
-    is_beside: bool,
-    opening: float,
-    config: PushConfig,
-) -> Push:
-    """The longest one, up to the wanted length [m], or one that says why there is none."""
-    # Glass may be less high than its top says, and lie on what is seen through it.
-    top = np.fmin(segment.top, segment.least_top)
-    safe = segment.base + push_height(segment, direction, config)
-    topples = safe < config.lowest and not segment.top <= config.low
-    falls = np.nan_to_num(segment.top, nan=np.inf) if topples else 0.0  # Ahead.
-    if np.isinf(falls):
-        return Push(why=TOPPLES)
-    safe = max(safe, config.lowest)
-    if np.isfinite(top):
-        safe = min(safe, max(top - config.grip, config.lowest))
-    # What is round is widest there, and is felt in the middle of the outer taxels.
-    widest = 0.5 * (segment.base + np.nan_to_num(top)) - _TAXELS
-    offsets = _offsets(segment, is_beside, config)
-    points, places = finger_places(segment, direction, offsets, config, opening)
-    if not len(places):
-        return Push(why=SWEEPS)
-    levers = [lever(0.5 * (right + left)) for _, right, _, left in places]
-    lengths = np.arange(wanted, config.shortest - _LENGTH, -_LONGER)
-    instants = np.arange(0.0, wanted + falls + _STEP, _STEP)
-    ends = np.ceil((lengths + falls) / _STEP - _LENGTH).astype(int)
-    # The longest one first, then that nearest to the line through the centroid.
-    which, place = (
-        k.ravel() for k in np.meshgrid(range(len(lengths)), range(len(points)), indexing="ij")
-    )
-    fingers, ways = places[place], config.gap + lengths[which]
-    passed = rectangles(segment, direction, _swept_edges(fingers, ways))
-    alone = shapely.distance(passed, target.contour) >= config.clearance
-    if not alone.any():
-        return Push(why=SWEEPS)
-    least = hand_heights(segment, others, direction, fingers, ways, config, opening)
-    possible = np.flatnonzero(alone & (least <= safe))
-    if not len(possible):
-        return Push(why=MEETS)
-    fine = {
-        beside: spared(
-            outlines_on_the_way(segment, direction, beside, instants), target, config.clearance
-        )[ends]
-        for beside in {levers[k] for k in place[possible]}
-    }
-    possible = possible[[fine[levers[place[k]]][which[k]] for k in possible]]
-    met = {
-        beside: _met(segment, others, direction, beside, instants[: ends[0] + 1])
-        for beside in {levers[k] for k in place[possible]}
-    }
-    middles = segment.centroid + _middles(places, opening) @ _frame(direction)
-    narrow = ~_has_room(middles, others, direction, opening, config)
-    slides = np.abs(slopes(segment, direction, points)) > config.sticks
-    for best in possible[np.lexsort((narrow[place[possible]], slides[place[possible]]))]:
-        moved = [
-            other
-            for other, at in zip(others, met[levers[place[best]]], strict=True)
-            if other.number != target.number
-            and (at <= ends[which[best]] or shapely.intersects(other.contour, passed[best]))
-        ]
-        # They go along at most as far.
-        along = instants[: ends[which[best]] + 1]
-        if all(
-            spared(outlines_on_the_way(o, direction, 0.0, along), target, config.clearance)[-1]
-            for o in moved
-        ):
-            return Push(
-                point=points[place[best]],
-                place=middles[place[best]],
-                opening=opening,
-                direction=direction,
-                length=float(lengths[which[best]]),
-                reach=float(-fingers[best, 2]),
-                height=float(np.clip(widest, least[best], safe)),
-                finger=rectangles(segment, direction, fingers[[best]])[0],
-                meets=tuple(sorted(other.number for other in moved)),
-                topples=topples,
-                lever=levers[place[best]],
-            )
-    return Push(why=SWEEPS)
-
-
-def _middles(fingers: Array, opening: float) -> Array:
-    """Middles (N, 2) between the fingers, along a push and to its left, see `rectangles`."""
-    return np.column_stack(
-        [fingers[:, 2] - opening - THICKNESS, 0.5 * (fingers[:, 1] + fingers[:, 3])]
-    )
-
-
-def _has_room(
+def has_room(
     middles: Sequence[Array] | Array,
     others: Sequence[Segment],
     direction: Array,
@@ -481,50 +270,37 @@ def _has_room(
 ) -> Mask:
     """Whether fingers around middles (N, 2) in W are as far from others as from their object."""
     fingers = np.array([fingers_at(middle, direction, opening) for middle in middles])
-    apart = shapely.distance(fingers[:, None], _contours(others))
-    return np.asarray(apart.min(axis=1, initial=np.inf) >= config.gap - _LENGTH)
+    apart = shapely.distance(fingers[:, None], prepared_contours(others))
+    return np.asarray(apart.min(axis=1, initial=np.inf) >= config.gap - LENGTH)
 
 
-def _offsets(segment: Segment, is_beside: bool, config: PushConfig) -> Array:
-    """Of the finger to the left of the line through the centroid, the nearest first, [m].
-
-    That line is behind the finger; or, beside it, so near that the object goes farther than its
-    edges turn, which is where the lever is less than the ratio of friction's torque and force.
-    """
-    if not is_beside:
-        return _both_sides(0.5 * WIDTH, _ASIDE)
-    levers = _both_sides(_torque_per_force(segment), _BESIDE)[1:]
-    return np.asarray(levers + np.sign(levers) * 0.5 * WIDTH)
+def finger_middles(fingers: Array, opening: float) -> Array:
+    """Middles (N, 2) between the fingers, along a push and to its left, see `rectangles`."""
+    return np.column_stack(
+        [fingers[:, 2] - opening - THICKNESS, 0.5 * (fingers[:, 1] + fingers[:, 3])]
+    )
 
 
-def _torque_per_force(segment: Segment) -> float:
-    """The greatest ones of friction below an object, [m]."""
-    edges = np.diff(shapely.get_coordinates(segment.box)[:3], axis=0)
-    return float(np.sqrt(np.square(edges).sum() / 15.0))
-
-
-def _met(
-    segment: Segment, others: Sequence[Segment], direction: Array, lever: float, lengths: Array
-) -> Array:
-    """At which of so long pushes (K,) others (N,) are first met, without those only touched."""
-    outlines = outlines_on_the_way(segment, direction, lever, lengths, INNER)
-    meets = shapely.intersects(_contours(others)[:, None], outlines)
-    return np.where(meets.any(axis=1), meets.argmax(axis=1), len(lengths))
-
-
-def _frame(direction: Array) -> Array:
-    """Unit vectors along a push and to its left, as rows (2, 2)."""
-    return np.array([direction, [-direction[1], direction[0]]])
-
-
-def _swept_edges(edges: Array, ways: Array) -> Array:
+def swept_edges(edges: Array, ways: Array) -> Array:
     """Of rectangles (N, 4) that go forward by ways (N,), [m]: what they pass."""
     return np.asarray(edges + ways[:, None] * [0.0, 0.0, 1.0, 0.0])
+
+
+def prepared_contours(segments: Sequence[Segment]) -> Array:
+    """Of objects (N,), prepared to be compared with many other shapes."""
+    contours = np.array([segment.contour for segment in segments], object)
+    shapely.prepare(contours)
+    return contours
+
+
+def push_frame(direction: Array) -> Array:
+    """Unit vectors along a push and to its left, as rows (2, 2)."""
+    return np.array([direction, [-direction[1], direction[0]]])
 
 
 def _swept_meets(
     segment: Segment, direction: Array, edges: Array, ways: Array, contours: Array
 ) -> Array:
     """Which rectangles (N, 4) meet which contours (M,) on their ways forward (N,): (N, M)."""
-    passed = rectangles(segment, direction, _swept_edges(edges, ways))
+    passed = rectangles(segment, direction, swept_edges(edges, ways))
     return np.asarray(shapely.intersects(contours, passed[:, None]))

@@ -16,17 +16,15 @@ from crossmodal.maths.arrays import Array
 from crossmodal.models.gripper_taxels import THICKNESS, TRAVEL, WIDTH
 from crossmodal.systems.declutter.push import (
     PushConfig,
-    away_from_clutter,
     finger_places,
     lever,
     outlines_on_the_way,
-    plan_pushes,
     push_height,
-    push_length,
     rectangles,
     slopes,
     spared,
 )
+from crossmodal.systems.declutter.push_planning import away_from_clutter, plan_pushes, push_length
 from crossmodal.systems.port_values import Push, Segment
 from tests.systems.declutter.scenes import random_scene, rectangle, rotation
 

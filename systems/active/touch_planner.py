@@ -10,10 +10,10 @@ from pydrake.systems.framework import Context
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.immutable import Immutable
 from crossmodal.maths.validation import check, number
+from crossmodal.systems.active.believed_box import box_around
 from crossmodal.systems.active.touch_planning import (
     CRITERIA,
     TouchConfig,
-    box_around,
     candidate_rays,
     predict_touches,
 )

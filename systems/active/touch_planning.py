@@ -14,6 +14,7 @@ from crossmodal.maths.arrays import Array, Ids, Mask
 from crossmodal.maths.compiled import hot
 from crossmodal.maths.immutable import Immutable
 from crossmodal.maths.validation import number
+from crossmodal.systems.active.believed_box import believed_box
 from crossmodal.systems.port_values import ObjectPose
 from crossmodal.systems.pose.surface import cast_rays
 from crossmodal.systems.pose.target_model import TargetModel
@@ -84,31 +85,6 @@ class TouchPredictions(Immutable):
         met = np.isfinite(self.distances)
         incidence = self.incidence.sum(axis=0) / np.maximum(met.sum(axis=0), 1)
         return np.asarray((self.hit >= config.hit) & (incidence >= config.incidence))
-
-
-def box_around(belief: ObjectPose, hull: Array) -> tuple[Array, Array]:
-    """Edges (3,), [m], and X_WB (4, 4) of the box that `believed_box` gives."""
-    low, high = believed_box(belief, hull)
-    X_WB = belief.X.copy()
-    X_WB[:3, 3] += X_WB[:3, :3] @ (0.5 * (low + high))
-    return high - low, X_WB
-
-
-def believed_box(belief: ObjectPose, hull: Array) -> tuple[Array, Array]:
-    """Least and largest corner (3,) of the box that holds the object at all poses believed in.
-
-    It has the axes of the likeliest pose, in whose frame the corners are, [m].
-
-    Args:
-        belief: About the pose.
-        hull: Corners of the object's convex hull (H, 3), about its middle, [m].
-    """
-    R, t = belief.X[:3, :3], belief.X[:3, 3]
-    X = np.concatenate([belief.samples, belief.X[None]])
-    turned = ((R.T @ X[:, :3, :3]).reshape(-1, 3) @ hull.T).reshape(len(X), 3, -1)
-    shift = (X[:, :3, 3] - t) @ R
-    low, high = turned.min(axis=2) + shift, turned.max(axis=2) + shift
-    return low.min(axis=0), high.max(axis=0)
 
 
 def candidate_rays(

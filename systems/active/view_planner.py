@@ -11,13 +11,13 @@ from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.immutable import Immutable
 from crossmodal.maths.validation import check, number, numbers
+from crossmodal.systems.active.believed_box import box_around
 from crossmodal.systems.active.occupancy_grid import (
     OccupancyGrid,
     empty_grid,
     expected_gains,
     with_view,
 )
-from crossmodal.systems.active.touch_planning import box_around
 from crossmodal.systems.port_values import (
     NO_MEASUREMENT,
     NO_PRIOR,

@@ -332,22 +332,28 @@ class DeclutterSequence(RecursiveFilter):
         return self._look(replace(state, place=(state.place + 1) % len(self._places)))
 
     def _centred(self, state: SequenceState, graph: DeclutterGraph) -> SequenceState | None:
-        """Moves the camera over the target and what is next, if its image cuts them off.
+        """Moves the camera over the target and what is next, if its image cuts one of them off.
 
-        While the target was never seen, over all that is cut off. A target that seems to stand free
-        is looked at from above once more if something near it may be hidden.
+        If that does not show both, over what is next. While the target was never seen, over all
+        that is cut off; where nothing can be moved, over the whole graph, if a part of it is. A
+        target that seems to stand free is looked at from above once more if something near it may
+        be hidden.
         """
-        wanted = {graph.next, *(v.segment.number for v in graph.vertices[:1])}
-        cut = [
-            segment.contour
-            for segment in state.scene.segments
-            if segment.is_cut and (graph.is_guess or segment.number in wanted)
-        ]
-        if graph.why == TARGET_FREE and self._hidden_near(state.scene, graph) > _UNSEEN:
-            cut = [graph.vertices[0].segment.contour]
-        if state.centred == _CENTRED or not cut:
+        wanted = {v.segment.number: v.segment for v in graph.vertices}
+        if graph.next >= 0:
+            wanted = {n: wanted[n] for n in (graph.vertices[0].segment.number, graph.next)}
+        cut = {s.number: s for s in state.scene.segments if s.is_cut}
+        if graph.is_guess:
+            wanted = cut
+        elif state.centred > 0 and graph.next >= 0:
+            wanted = {graph.next: wanted[graph.next]}
+        is_free = graph.why == TARGET_FREE
+        if state.centred == _CENTRED or not (
+            cut.keys() & wanted.keys()
+            or (is_free and self._hidden_near(state.scene, graph) > _UNSEEN)
+        ):
             return None
-        x, y, right, up = shapely.total_bounds(cut)
+        x, y, right, up = shapely.total_bounds([s.contour for s in wanted.values()])
         middle = 0.5 * np.array([x + right, y + up])
         before = state.middle if len(state.middle) else self._table.X_WB[:2, 3]
         if np.linalg.norm(middle - before) < self._config.moved:

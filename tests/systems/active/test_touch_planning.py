@@ -9,11 +9,11 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from crossmodal.maths import se3
+from crossmodal.systems.active.believed_box import believed_box
 from crossmodal.systems.active.touch_planning import (
     CRITERIA,
     TouchConfig,
     TouchPredictions,
-    believed_box,
     candidate_rays,
     expected_squared_distance,
     predict_touches,

@@ -442,7 +442,7 @@ def test_what_was_moved_by_accident_is_noticed(
 
 
 @pytest.mark.parametrize("reach", [np.inf, 0.05])
-def test_the_camera_goes_over_what_is_next_where_its_image_cuts_it_off(reach: float) -> None:
+def test_the_camera_goes_over_target_and_next_where_its_image_cuts_one_off(reach: float) -> None:
     objects = {
         0: rectangle(0, "wineglass", (0.15, 0.0)),
         1: rectangle(1, "can", (0.21, 0.0)),
@@ -452,10 +452,30 @@ def test_the_camera_goes_over_what_is_next_where_its_image_cuts_it_off(reach: fl
     assert robot.progress.done
     assert robot.requests
     places = np.array([view.X_WC[:2, 3] for view in robot.views])
-    assert_allclose(places[:2], [[0.0, 0.0], [0.21, 0.0]], atol=1e-9)
+    assert_allclose(places[:2], [[0.0, 0.0], [0.18, 0.0]], atol=1e-9)
     if np.isfinite(reach):  # It is turned to it where it is.
         assert_allclose(places[2], 0.0)
         assert_allclose(robot.views[2].X_WC[:3, 2], [1.0, 0.0, 0.0], atol=1e-9)
+
+
+def test_the_camera_goes_over_what_is_next_alone_where_no_image_shows_it_with_the_target() -> None:
+    objects = {0: rectangle(0, "wineglass", (0.0, 0.0)), 1: rectangle(1, "can", (0.1, 0.0))}
+    robot = Robot(objects, edge=0.04).run()
+    places = np.array([view.X_WC[:2, 3] for view in robot.views])
+    assert_allclose(places[:3], [[0.0, 0.0], [0.05, 0.0], [0.1, 0.0]], atol=1e-9)
+    assert len(robot.requests) == 1
+
+
+def test_what_cannot_be_moved_is_looked_at_whole_before_it_is_left_where_it_is() -> None:
+    objects = {
+        0: rectangle(0, "wineglass", (0.0, 0.0)),
+        1: rectangle(1, "can", (0.0, 0.08)),
+        2: rectangle(2, "sponge", (0.0, -0.08)),
+    }
+    robot = Robot(objects, edge=0.05, outcomes=["unreachable"]).run()
+    assert robot.progress.why == NOTHING_LEFT
+    assert [request.object for request in robot.requests] == [1, 2]
+    assert_allclose(robot.views[-1].X_WC[:2, 3], [0.0, 0.04], atol=1e-9)
 
 
 def test_no_push_begins_where_a_finger_was_stopped_until_what_is_there_has_moved() -> None:

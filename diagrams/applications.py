@@ -136,7 +136,7 @@ def load_scenario(
         The application, and the scenario as an instance of the application's dataclass.
     """
     path = find_scenario(name_or_path)
-    document = read_document(path, overrides)
+    document = read_document(path, overrides, scenario_files())
     system = document.get("system", "")
     if not isinstance(system, str):
         raise ScenarioError(f"{path}: system must be text, the name of an application")

@@ -8,14 +8,15 @@ is impossible only beside other values is refused by the system that it is for.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, TypeVar
 
 import numpy as np
 from pydrake.math import RigidTransform
 
 from crossmodal.diagrams.run.calibration import CalibrationConfig, Camera
-from crossmodal.diagrams.run.yaml_input.loader import apply_override, read_yaml
-from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, load_typed
+from crossmodal.diagrams.run.yaml_input.loader import apply_override, merged, read_yaml
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, load_typed, suggestion
 from crossmodal.maths import se3
 from crossmodal.maths.pinhole import Intrinsics
 from crossmodal.maths.validation import check, number, numbers
@@ -120,12 +121,44 @@ class Scenario:
         return {}
 
 
-def read_document(path: Path, overrides: Sequence[str] = ()) -> dict[str, Any]:
-    """A scenario's file as a mapping; assignments `key.path=value` replace what it says."""
-    document = read_yaml(path)
+def read_document(
+    path: Path, overrides: Sequence[str] = (), known: Mapping[str, Path] = MappingProxyType({})
+) -> dict[str, Any]:
+    """A scenario's file as a mapping; assignments `key.path=value` replace what it says.
+
+    Where it says `base: NAME`, it only has what differs from another scenario.
+
+    Args:
+        path: Of the file.
+        overrides: Those assignments.
+        known: Files of the scenarios that have names. A base may also be a file, beside the one
+            that says so or by its path from there.
+    """
+    document = _read_with_base(path, known, ())
     for assignment in overrides:
         apply_override(document, assignment)
     return document
+
+
+def _read_with_base(path: Path, known: Mapping[str, Path], above: Sequence[Path]) -> dict[str, Any]:
+    """What a file says, and what it leaves to its base, whose name is not its own."""
+    document = read_yaml(path)
+    base = document.pop("base", None)
+    if base is None:
+        return document
+    if not isinstance(base, str):
+        raise ScenarioError(f"{path}: base must be text, a scenario's name or file")
+    beside = [path.parent / base, path.parent / f"{base}.yaml"]
+    file = next((file for file in beside if file.is_file()), known.get(base))
+    if file is None:
+        names = {*known, *(each.stem for each in path.parent.glob("*.yaml"))} - {path.stem}
+        guess = suggestion(base, sorted(names))
+        raise ScenarioError(f"{path}: base = '{base}' is no file; {guess}")
+    if file.resolve() in [each.resolve() for each in (path, *above)]:
+        raise ScenarioError(f"{path}: base = '{base}' is based on this scenario itself")
+    inherited = _read_with_base(file, known, (path, *above))
+    inherited.pop("name", None)
+    return merged(inherited, document)
 
 
 def parse_scenario(

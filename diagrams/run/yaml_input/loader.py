@@ -1,6 +1,6 @@
 """Reads YAML files into mappings, and assignments of single values."""
 
-from collections.abc import Hashable
+from collections.abc import Hashable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -47,6 +47,18 @@ def read_yaml(path: Path) -> dict[str, Any]:
         kind = type(document).__name__
         raise ScenarioError(f"{path}: must hold a mapping of keys to values, not a {kind}")
     return document
+
+
+def merged(document: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """A nested mapping with changes; mappings in both are merged, all else is replaced."""
+    found = dict(document)
+    for key, value in changes.items():
+        before = found.get(key)
+        if isinstance(before, dict) and isinstance(value, dict):
+            found[key] = merged(before, value)
+        else:
+            found[key] = value
+    return found
 
 
 def apply_override(document: dict[str, Any], assignment: str) -> None:

@@ -36,6 +36,49 @@ def test_overrides_replace_what_the_file_says(tmp_path: Path) -> None:
     assert set(scenario.cameras) == {"head", "wrist"}
 
 
+def test_a_scenario_has_only_what_differs_from_its_base(tmp_path: Path) -> None:
+    (tmp_path / "first.yaml").write_text(
+        "name: other\nduration: 3\nmodalities: [a, b]\ncameras:\n  head: {lamp: 0.5, width: 64}\n"
+    )
+    (tmp_path / "second.yaml").write_text("base: first\nmodalities: [c]\n")
+    path = tmp_path / "folder" / "third.yaml"
+    path.parent.mkdir()
+    path.write_text("base: ../second.yaml\ncameras:\n  head: {lamp: 1}\n  wrist: {}\n")
+    scenario = parse_scenario(Scenario, read_document(path, ["cameras.head.height=48"]), path)
+    head = scenario.cameras["head"]
+    assert (scenario.name, scenario.duration, scenario.modalities) == ("third", 3.0, ["c"])
+    assert (head.lamp, head.width, head.height) == (1.0, 64, 48)
+    assert set(scenario.cameras) == {"head", "wrist"}
+
+
+def test_a_base_is_beside_the_scenario_before_it_is_one_that_is_known(tmp_path: Path) -> None:
+    (tmp_path / "first.yaml").write_text("duration: 3\n")
+    (tmp_path / "elsewhere").write_text("duration: 4\n")
+    path, elsewhere = tmp_path / "mine.yaml", tmp_path / "elsewhere"
+    known = {"first": elsewhere, "other": elsewhere}
+    for base, duration in (("first", 3), ("other", 4)):
+        path.write_text(f"base: {base}\n")
+        assert read_document(path, known=known) == {"duration": duration}
+
+
+@pytest.mark.parametrize(
+    ("base", "expected"),
+    [
+        ("frist", r"mine\.yaml: base = 'frist' is no file; .*first"),
+        ("[first]", r"mine\.yaml: base must be text"),
+        ("mine", r"mine\.yaml: base = 'mine' is based on this scenario itself"),
+        ("around", r"around\.yaml: base = 'mine' is based on this scenario itself"),
+    ],
+)
+def test_a_base_that_cannot_be_had_is_refused(base: str, expected: str, tmp_path: Path) -> None:
+    (tmp_path / "first.yaml").write_text("duration: 3\n")
+    (tmp_path / "around.yaml").write_text("base: mine\n")
+    path = tmp_path / "mine.yaml"
+    path.write_text(f"base: {base}\n")
+    with pytest.raises(ScenarioError, match=expected):
+        read_document(path)
+
+
 @pytest.mark.parametrize(
     ("document", "expected"),
     [

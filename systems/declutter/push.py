@@ -33,16 +33,15 @@ class PushConfig:
     # Free way of the finger before it meets the object, which may be nearer than it seems: two
     # standard deviations of what camera and arm, each 3 mm off, make of it.
     gap: float = number(0.009, at_least=0.0, at_most=0.1, unit="m")
-    # Of the push, from the contact on: as long as it takes, between these two. One finger pushes in
-    # a point, from which an object turns away within about its own length.
+    # Of the push, from the contact on: as long as it takes, between these two.
     shortest: float = number(0.06, above=0.0, at_most=1.0, unit="m")
-    longest: float = number(0.12, above=0.0, at_most=1.0, unit="m")
+    longest: float = number(0.2, above=0.0, at_most=1.0, unit="m")
     # Distance from the target to which it takes the object: beyond mu_d by more than outlines err.
     clear: float = number(0.12, at_least=0.0, at_most=1.0, unit="m")
     # Least distance of the finger and of the object from the target, throughout the push.
     clearance: float = number(0.005, at_least=0.0, at_most=0.1, unit="m")
-    # From the direction away from the clutter, to both sides; beyond 90 it is into the clutter.
-    largest_turn: float = number(90.0, at_least=0.0, at_most=180.0, unit="deg")
+    # From the direction away from the clutter, to both sides.
+    largest_turn: float = number(180.0, at_least=0.0, at_most=180.0, unit="deg")
     # Coefficient between objects and table.
     friction: float = number(0.5, above=0.0, at_most=2.0)
     # Tangent of the angle between the push and the normal of the object's rear, up to which the

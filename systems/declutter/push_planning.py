@@ -44,6 +44,7 @@ MEETS = "meets something else"
 _STEP = 0.01  # Between instants of a motion that are looked at, [m].
 _LONGER = 0.02  # Between lengths that are tried, [m].
 _TURN = 10.0  # Between directions that are tried, [deg].
+_OUT = 90.0  # Farther from the way out of the clutter they go into it, [deg].
 _ASIDE = 0.005  # Between places of the finger that are tried, [m].
 _BESIDE = 0.01  # Likewise of those beside which the centroid passes, [m].
 # Middle of the outer taxels above the fingers' ends, [m].
@@ -71,9 +72,9 @@ def plan_pushes(
     those whose finger does not slide along it, then those whose fingers have room beside others
     where they come down, then those in which the fewest others are met, then those that take it out
     of the way, then those nearest to the direction away from the clutter, to the left before to the
-    right. Where the centroid cannot be behind the finger in any direction, the finger turns the
-    object as it goes; then it may meet nothing, for what turns against other things slides off the
-    finger.
+    right; into the clutter where no other is possible. Where the centroid cannot be ahead of the
+    finger in any direction, the finger turns the object as it goes; then it may meet nothing, for
+    what turns against other things slides off the finger.
 
     Args:
         segment: To be pushed.
@@ -83,8 +84,10 @@ def plan_pushes(
     """
     away = away_from_clutter(segment, others, target)
     found, failures = list[_Found](), set[str]()
-    for is_beside in (False, True):
-        for turn in np.deg2rad(_both_sides(config.largest_turn, _TURN)):
+    turns = _both_sides(config.largest_turn, _TURN)
+    out, into = turns[np.abs(turns) <= _OUT], turns[np.abs(turns) > _OUT]
+    for is_beside, tried in ((False, out), (False, into), (True, out), (True, into)):
+        for turn in np.deg2rad(tried):
             c, s = np.cos(turn), np.sin(turn)
             direction = np.array([[c, -s], [s, c]]) @ away
             wanted = push_length(segment, others, target, direction, config)

@@ -380,6 +380,7 @@ def steepness(segment: Segment, d: np.ndarray, point: np.ndarray) -> float:
 @pytest.mark.parametrize("seed", range(12))
 def test_a_plan_is_the_best_of_all(seed: int) -> None:
     config = replace(CONFIG, friction=0.1, gap=0.005, shortest=0.13, longest=0.13, grip=0.0)
+    config = replace(config, largest_turn=90.0)
     scene = [replace(s, top=0.05) for s in random_scene(seed, count=6, spread=0.07)]
     target, segment = scene[0], scene[3]
     others = [other for other in scene if other is not segment]
@@ -562,6 +563,22 @@ def test_a_push_is_turned_until_it_spares_the_target() -> None:
     assert spares(pushed, target, push.length * push.direction, CONFIG.clearance)
     straight = plan_push(pushed, others, target, replace(CONFIG, largest_turn=0.0))
     assert straight.why
+
+
+def test_what_others_enclose_but_on_one_side_is_pushed_into_them() -> None:
+    pushed, target = rectangle(0, "can", (0.0, 0.0)), rectangle(1, "wineglass", (0.4, 0.0))
+    around = [
+        rectangle(2, "sponge", (-0.045, 0.0), (0.04, 0.2)),
+        rectangle(3, "sponge", (0.0, 0.05)),
+        rectangle(4, "sponge", (0.0, -0.05)),
+    ]
+    others = [target, *around]
+    assert away_from_clutter(pushed, others, target)[0] > 0.0
+    assert plan_push(pushed, others, target, replace(CONFIG, largest_turn=90.0)).why
+    push = plan_push(pushed, others, target, CONFIG)
+    assert push.why == ""
+    assert push.direction[0] < 0.0
+    assert 2 in push.meets
 
 
 def test_a_finger_does_not_come_down_on_the_target() -> None:

@@ -359,7 +359,10 @@ class MoveObject(ArmTask):
         )
         pushed = 0.0 if np.isnan(touched) else gone - touched
         outcome = ActionOutcome.NONE
-        if len(readings) >= impact and readings[-impact:].min() > config.largest_push:
+        X_WCommanded = self._arm.Evaluate(np.append(q, np.zeros_like(q))).X_WE
+        lag = np.linalg.norm(X_WCommanded[:3, 3] - self._arm_state(context).X_WE[:3, 3])
+        is_stuck = len(readings) >= impact and readings[-impact:].min() > config.largest_push
+        if is_stuck or lag > config.largest_lag:
             outcome = ActionOutcome.BLOCKED
         elif np.isnan(touched):
             if gone >= push.reach:
@@ -372,8 +375,7 @@ class MoveObject(ArmTask):
             return state
         if outcome is ActionOutcome.PUSHED:
             # The arm still gets to where it is commanded to be, and the object with it.
-            X_WE = self._arm.Evaluate(np.append(q, np.zeros_like(q))).X_WE
-            state = self._met(context, state, np.flatnonzero(face), 0.0, X_WE)
+            state = self._met(context, state, np.flatnonzero(face), 0.0, X_WCommanded)
         state = replace(state, end=replace(state.end, pushed=pushed))
         return self._ended(context, state, outcome)
 

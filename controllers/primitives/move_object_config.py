@@ -57,6 +57,8 @@ class MoveObjectConfig:
     # bounce. Two samples at 40 Hz.
     largest_push: float = number(8.0, above=0.0, at_most=100.0, unit="N")
     impact: float = number(0.05, at_least=0.0, at_most=1.0, unit="s")
+    # By which the hand may be behind its command; taxels may not feel what holds it up.
+    largest_lag: float = number(0.015, above=0.0, at_most=1.0, unit="m")
     # Least distance of the gripper from what stands around while it comes down between objects.
     near: float = number(0.002, at_least=0.0, at_most=0.1, unit="m")
     # Of the force on a taxel at the fingers' ends on the way down, beyond which it is blocked.
@@ -69,7 +71,7 @@ class MoveObjectConfig:
     averaged: float = number(0.02, above=0.0, at_most=1.0, unit="s")
     pushed_averaged: float = number(0.25, above=0.0, at_most=5.0, unit="s")
     # Of the way, along which it may not be felt: what slides ahead is met again by then, or lost.
-    unfelt: float = number(0.02, at_least=0.0, at_most=0.5, unit="m")
+    unfelt: float = number(0.04, at_least=0.0, at_most=0.5, unit="m")
     # What is felt of a push is so many standard deviations of its noise.
     significance: float = number(4.0, above=0.0, at_most=100.0)
 

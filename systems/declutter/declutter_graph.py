@@ -139,6 +139,7 @@ def declutter_graph(
     tries: Tries,
     config: DeclutterConfig,
     remembered: Segment | None = None,
+    table: shapely.Geometry | None = None,
 ) -> DeclutterGraph:
     """The graph of a scene, and what to take away next.
 
@@ -158,6 +159,7 @@ def declutter_graph(
         config: Of the graph and of pushes.
         remembered: The target as it was seen before; where it is not seen now, it is there still.
             Where it was never seen, it is thought to be beneath the largest heap.
+        table: The part of it to which objects may be pushed, in W; None for anywhere.
 
     Raises:
         ValueError: where two objects have the same number.
@@ -213,7 +215,7 @@ def declutter_graph(
         for action in left[n]:
             pushes: tuple[Push, ...] = ()
             if action is DeclutterAction.PUSH:
-                pushes = plan_pushes(leaf.segment, others, root, config.push)
+                pushes = plan_pushes(leaf.segment, others, root, config.push, table)
                 why = pushes[0].why or BLOCKED
                 pushes = tuple(push for push in pushes if not push.why and comes_down(push, tries))
                 if not pushes:

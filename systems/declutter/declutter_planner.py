@@ -3,6 +3,7 @@
 from dataclasses import replace
 from typing import Any
 
+import shapely
 from pydrake.systems.framework import Context
 
 from crossmodal.maths.validation import check
@@ -40,13 +41,20 @@ class DeclutterPlanner(RecursiveFilter):
       the first image.
     """
 
-    def __init__(self, target: str, config: DeclutterConfig, period: float) -> None:
+    def __init__(
+        self,
+        target: str,
+        config: DeclutterConfig,
+        period: float,
+        table: shapely.Geometry | None = None,
+    ) -> None:
         """Makes the planner.
 
         Args:
             target: Name of the target's class.
             config: Of the graph.
             period: Of the ticks, [s].
+            table: The part of it to which objects may be pushed, in W; None for anywhere.
 
         Raises:
             ValueError: for an impossible configuration, and where the target has no name.
@@ -55,7 +63,7 @@ class DeclutterPlanner(RecursiveFilter):
         check(config, "DeclutterPlanner")
         if not target:
             raise ValueError("DeclutterPlanner: target = '', but it must be the name of a class")
-        self._target, self._config = target, config
+        self._target, self._config, self._table = target, config, table
         self._segments = self._declare_value_input("segments", NO_SEGMENTS)
         self._grasps = self._declare_value_input("grasps", NO_GRASPS)
         self._tries = self._declare_value_input("tries", NO_TRIES)
@@ -75,4 +83,6 @@ class DeclutterPlanner(RecursiveFilter):
         qualities = {number: grasps.best(number) for number in grasps.grasps}
         seen = before.vertices and not before.is_guess
         remembered = before.vertices[0].segment if seen else None
-        return declutter_graph(scene, self._target, qualities, failed, self._config, remembered)
+        return declutter_graph(
+            scene, self._target, qualities, failed, self._config, remembered, self._table
+        )

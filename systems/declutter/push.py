@@ -36,8 +36,9 @@ class PushConfig:
     # Of the push, from the contact on: as long as it takes, between these two.
     shortest: float = number(0.06, above=0.0, at_most=1.0, unit="m")
     longest: float = number(0.2, above=0.0, at_most=1.0, unit="m")
-    # Distance from the target to which it takes the object: beyond mu_d by more than outlines err.
-    clear: float = number(0.12, at_least=0.0, at_most=1.0, unit="m")
+    # Distance from the target to which it takes the object: beyond mu_d by more than outlines err,
+    # and by as much as what turns when pushed stays behind.
+    clear: float = number(0.15, at_least=0.0, at_most=1.0, unit="m")
     # Least distance of the finger and of the object from the target, throughout the push.
     clearance: float = number(0.005, at_least=0.0, at_most=0.1, unit="m")
     # From the direction away from the clutter, to both sides.
@@ -204,6 +205,12 @@ def spared(outlines: Array, target: Segment, clearance: float) -> Mask:
         over = shapely.area(shapely.intersection(target.contour, outlines))
         fine = over <= over[0] + _AREA
     return np.asarray(np.logical_and.accumulate(fine))
+
+
+def stays(outlines: Array, table: shapely.Geometry) -> Mask:
+    """Up to which instants (K,) an object with these hulls (K,) is not farther off the table."""
+    off = shapely.area(shapely.difference(outlines, table))
+    return np.asarray(np.logical_and.accumulate(off <= off[0] + _AREA))
 
 
 def first_met(

@@ -32,6 +32,7 @@ from crossmodal.systems.declutter.push import (
     rectangles,
     slopes,
     spared,
+    stays,
     swept_edges,
     torque_per_force,
 )
@@ -40,6 +41,7 @@ from crossmodal.systems.port_values import Push, Segment
 SWEEPS = "sweeps the target"
 TOPPLES = "topples it"
 MEETS = "meets something else"
+LEAVES = "takes it too far aside"
 
 _STEP = 0.01  # Between instants of a motion that are looked at, [m].
 _LONGER = 0.02  # Between lengths that are tried, [m].
@@ -64,7 +66,11 @@ class _Found(NamedTuple):
 
 
 def plan_pushes(
-    segment: Segment, others: Sequence[Segment], target: Segment, config: PushConfig
+    segment: Segment,
+    others: Sequence[Segment],
+    target: Segment,
+    config: PushConfig,
+    table: shapely.Geometry | None = None,
 ) -> tuple[Push, ...]:
     """The pushes of an object that spare the target, the best one first; or one that says why not.
 
@@ -81,6 +87,7 @@ def plan_pushes(
         others: All others, the target too.
         target: The target.
         config: Of the push.
+        table: The part of it to which objects may be pushed, in W; None for anywhere.
     """
     away = away_from_clutter(segment, others, target)
     found, failures = list[_Found](), set[str]()
@@ -92,7 +99,9 @@ def plan_pushes(
             direction = np.array([[c, -s], [s, c]]) @ away
             wanted = push_length(segment, others, target, direction, config)
             for opening in (0.0, TRAVEL):  # Fingers are opened where closed ones meet something.
-                best = _push(segment, others, target, direction, wanted, is_beside, opening, config)
+                best = _push(
+                    segment, others, target, direction, wanted, is_beside, opening, config, table
+                )
                 if best != MEETS:
                     break
             if not isinstance(best, str):
@@ -167,6 +176,7 @@ def _push(
     is_beside: bool,
     opening: float,
     config: PushConfig,
+    table: shapely.Geometry | None,
 ) -> _Found | str:
     """The longest one, up to the wanted length [m], or why there is none."""
     # Glass may be less high than its top says, and lie on what is seen through it.
@@ -202,12 +212,16 @@ def _push(
     possible = np.flatnonzero(alone & (least <= safe))
     if not len(possible):
         return MEETS
-    fine = {
-        beside: spared(
-            outlines_on_the_way(segment, direction, beside, instants), target, config.clearance
-        )[ends]
+    outlines = {
+        beside: outlines_on_the_way(segment, direction, beside, instants)
         for beside in {levers[k] for k in place[possible]}
     }
+    if table is not None:
+        on = {beside: stays(way, table)[ends] for beside, way in outlines.items()}
+        possible = possible[[on[levers[place[k]]][which[k]] for k in possible]]
+        if not len(possible):
+            return LEAVES
+    fine = {beside: spared(way, target, config.clearance)[ends] for beside, way in outlines.items()}
     possible = possible[[fine[levers[place[k]]][which[k]] for k in possible]]
     met = {
         beside: first_met(segment, others, direction, beside, instants[: ends[0] + 1])

@@ -83,6 +83,7 @@ def add_declutter_control(
     (camera,) = wiring.calibration.cameras.values()
     low, high = scenario.sequence.around.corners
     region = shapely.box(*low, *high)
+    seen = region.buffer(scenario.sequence.around.beyond, join_style="mitre")
     table = _table_box(region, height)
     places, X_WArmView = _places(arms, table), _arm_view(arms, table)
     arm_view = 0 if X_WArmView is None else ARM_VIEW
@@ -93,7 +94,7 @@ def add_declutter_control(
             load_network(),
             camera.intrinsics,
             height,
-            region.buffer(scenario.sequence.around.beyond, join_style="mitre"),
+            seen,
             {name: np.ptp(mesh_vertices(name), axis=0) for name in CLASSES[1:] if name != OTHER},
             perception.segmenter,
             period,
@@ -102,7 +103,7 @@ def add_declutter_control(
     )
     grasps = add("grasp_planner", GraspPlanner(perception.grasps, period))
     name = target_name(scenario)
-    graph = add("declutter_planner", DeclutterPlanner(name, scenario.declutter, period))
+    graph = add("declutter_planner", DeclutterPlanner(name, scenario.declutter, period, seen))
     offset = add("arm_offset", ArmOffsetFilter(perception.arm_offset, period))
     seen_arm = add(
         "seen_arm",

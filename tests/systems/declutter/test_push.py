@@ -209,7 +209,8 @@ def test_a_palm_passes_over_things_or_they_are_met() -> None:
 
 
 def test_what_is_higher_than_the_palm_is_pushed_by_opened_fingers() -> None:
-    pushed, target = rectangle(0, "can", (0.1, 0.0), (0.06, 0.06)), rectangle(1, "", (0.0, 0.0))
+    pushed = rectangle(0, "can", (0.1, 0.0), (0.06, 0.06))
+    target = rectangle(1, "", (-0.2, 0.0))
     closed = plan_push(replace(pushed, top=0.13), [target], target, CONFIG)
     assert (closed.why, closed.opening) == ("", 0.0)
     assert_allclose(closed.place, shapely.get_coordinates(closed.finger.centroid)[0], atol=1e-12)
@@ -455,10 +456,10 @@ def test_where_the_middle_is_out_of_reach_an_object_is_pushed_beside_it() -> Non
 @pytest.mark.parametrize(
     ("gap", "beyond", "length"),
     [
-        (0.0, None, 0.12),
-        (0.05, None, 0.08),
+        (0.0, None, 0.16),
+        (0.05, None, 0.1),
         (0.2, None, 0.06),
-        (0.05, 0.05, 0.14),  # It goes past what lies where it would end.
+        (0.05, 0.07, 0.16),  # It goes past what lies where it would end.
     ],
 )
 def test_a_push_is_as_long_as_it_takes(gap: float, beyond: float | None, length: float) -> None:
@@ -466,8 +467,7 @@ def test_a_push_is_as_long_as_it_takes(gap: float, beyond: float | None, length:
     others = [target]
     if beyond is not None:
         others.append(rectangle(2, "", (0.08 + gap + beyond, 0.0)))
-    config = replace(CONFIG, longest=0.2)
-    found = push_length(pushed, others, target, np.array([1.0, 0.0]), config)
+    found = push_length(pushed, others, target, np.array([1.0, 0.0]), CONFIG)
     assert found == pytest.approx(length)
 
 
@@ -490,6 +490,27 @@ def test_all_pushes_spare_the_target_and_stand_where_it_is_free() -> None:
         beside = translate(push.finger, *(push.reach * push.direction))
         ahead = (shapely.get_coordinates(beside) - scene[3].centroid) @ push.direction
         assert ahead.max() == pytest.approx(0.0, abs=1e-12)
+
+
+def test_no_push_takes_an_object_farther_off_the_table() -> None:
+    """The way out of the clutter, along x, is off the table, whose edge is 4 cm ahead."""
+    pushed, target = rectangle(0, "can", (0.0, 0.0)), rectangle(1, "wineglass", (-0.1, 0.0))
+    table = shapely.box(-1.0, -1.0, 0.06, 1.0)
+    straight = replace(CONFIG, largest_turn=0.0)
+    free, *_ = plan_pushes(pushed, [target], target, straight)
+    assert free.length > 0.06
+    (none,) = plan_pushes(pushed, [target], target, straight, table)
+    assert none.why == "every push takes it too far aside"
+    pushes = plan_pushes(pushed, [target], target, CONFIG, table)
+    assert len(pushes) > 5
+    for push in pushes:
+        moved = translate(pushed.contour, *(push.length * push.direction))
+        assert table.buffer(1e-6).contains(moved)
+    # What is over its edge already may not get farther.
+    over = replace(pushed, contour=translate(pushed.contour, 0.05, 0.0))
+    push, *_ = plan_pushes(over, [target], target, CONFIG, table)
+    assert push.why == ""
+    assert push.direction[0] <= 1e-9
 
 
 def test_what_is_met_goes_along_and_spares_the_target_too() -> None:

@@ -86,14 +86,18 @@ def highest_between_fingers(heights: Array, grasps: Array, view: HeightMap) -> A
     return _highest(heights, grasps, grasps[:, 3, None] * x, y, view)
 
 
-def is_blocked(heights: Array, grasps: Array, view: HeightMap) -> Mask:
-    """Whether fingers (N,) would come down on something, or the palm; see above."""
+def highest_under_palm(heights: Array, grasps: Array, view: HeightMap) -> Array:
+    """Greatest height (N,) below the palm, [m], whatever the opening; see above."""
     half_x, half_y = 0.5 * PALM[0], 0.5 * PALM[1]
     x, y = _grid((-half_x, half_x), (-half_y, half_y), _PALM_STEP)
-    below_palm = _highest(heights, grasps, x, y, view)
-    under = highest_under_fingers(heights, grasps, view)
+    return _highest(heights, grasps, x, y, view)
+
+
+def is_blocked(heights: Array, grasps: Array, view: HeightMap) -> Mask:
+    """Whether fingers (N,) would come down on something, or the palm; see above."""
+    under, palm = (of(heights, grasps, view) for of in (highest_under_fingers, highest_under_palm))
     z = grasps[:, 4]
-    return np.asarray((under > z) | (below_palm > z + PALM_ABOVE))
+    return np.asarray((under > z) | (palm > z + PALM_ABOVE))
 
 
 def _grid(x: tuple[float, float], y: tuple[float, float], step: float) -> tuple[Array, Array]:

@@ -10,11 +10,12 @@ from pydrake.systems.framework import Context
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.validation import check, number
 from crossmodal.models import WEIGHTS_DIR
+from crossmodal.models.gripper_taxels import PALM_ABOVE
 from crossmodal.systems.grasping.grasp_geometry import (
     STROKE,
     highest_between_fingers,
     highest_under_fingers,
-    is_blocked,
+    highest_under_palm,
     levers,
     tops,
 )
@@ -96,11 +97,14 @@ def plan_grasps(
     under = highest_under_fingers(others, flat, view, config.clearance)
     above = np.where(under > 0.0, under + config.clearance, 0.0)
     # What is thin is grasped as deep as it is.
-    deep = tops(view.heights, flat, view) - above >= config.shallowest
-    deep |= above <= flat[:, 4]
+    free = tops(view.heights, flat, view) - above >= config.shallowest
+    free |= above <= flat[:, 4]
     flat[:, 4] = np.maximum(flat[:, 4], above)
-    alone = highest_between_fingers(others, flat, view) <= flat[:, 4]
-    free = deep & alone & ~is_blocked(np.maximum(view.heights, others), flat, view)
+    everything = np.maximum(view.heights, others)
+    palm = np.tile(highest_under_palm(everything, grasps, view), len(openings))
+    free &= palm <= flat[:, 4] + PALM_ABOVE
+    free[free] = highest_between_fingers(others, flat[free], view) <= flat[free, 4]
+    free[free] = highest_under_fingers(everything, flat[free], view) <= flat[free, 4]
     free = free.reshape(ways.shape[:2])
     found = np.flatnonzero(free.any(axis=0))
     middle = [k[len(k) // 2] for k in map(np.flatnonzero, free[:, found].T)]

@@ -16,7 +16,7 @@ from crossmodal.maths.convex import steady_directions
 from crossmodal.maths.validation import check, number
 from crossmodal.plants.goods.goods_scene import GOODS_DIR, GoodsScene
 
-_TRIES = 8
+_TRIES = 24  # Where much rolls, most scenes scatter.
 # Of the target as it is put down.
 _STEADY = np.deg2rad(3.0)  # By which it may be tilted and does not topple.
 _LYING = 0.5  # Largest cosine between its z and the vertical while it lies.

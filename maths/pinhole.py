@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from crossmodal.maths.arrays import Array, Ids
+from crossmodal.maths.arrays import Array
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,11 +45,16 @@ class Intrinsics:
             pixels: u and v.
             X_WC: Of the camera (4, 4).
         """
-        return self._rays(pixels[:, 0], pixels[:, 1], X_WC)
+        x, y = ((pixels - [self.center_x, self.center_y]) / [self.focal_x, self.focal_y]).T
+        return np.stack([a * x + b * y + c for a, b, c in X_WC[:3, :3]], axis=-1)
 
     def image_rays(self, X_WC: Array) -> Array:
         """The rays of all pixels (H, W, 3)."""
-        return self._rays(np.arange(self.width), np.arange(self.height)[:, None], X_WC)
+        return np.stack([self._along(axis, X_WC) for axis in range(3)], axis=-1)
+
+    def descents(self, X_WC: Array) -> Array:
+        """By how much the rays of all pixels go down in W (H, W), per depth."""
+        return -self._along(2, X_WC)
 
     def heights(self, depth: npt.NDArray[np.floating], X_WC: Array, plane: float) -> Array:
         """Heights (H, W) above a level plane of what is seen, [m]; NaN without a measurement.
@@ -61,11 +66,14 @@ class Intrinsics:
             plane: z of the plane in W, [m].
         """
         known = np.where(np.isfinite(depth) & (depth > 0.0), depth, np.nan)
-        return np.asarray(X_WC[2, 3] - plane + known * self.image_rays(X_WC)[..., 2])
+        return np.asarray(X_WC[2, 3] - plane - known * self.descents(X_WC))
 
-    def _rays(self, u: Array | Ids, v: Array | Ids, X_WC: Array) -> Array:
-        x, y = (u - self.center_x) / self.focal_x, (v - self.center_y) / self.focal_y
-        return np.stack([a * x + b * y + c for a, b, c in X_WC[:3, :3]], axis=-1)
+    def _along(self, axis: int, X_WC: Array) -> Array:
+        """Components (H, W) of the rays of all pixels."""
+        a, b, c = X_WC[axis, :3]
+        x = (np.arange(self.width) - self.center_x) / self.focal_x
+        y = (np.arange(self.height) - self.center_y) / self.focal_y
+        return np.asarray(a * x + (b * y + c)[:, None])
 
 
 def project(p_CF: Array, intrinsics: Array) -> Array:

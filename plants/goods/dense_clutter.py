@@ -16,7 +16,6 @@ from crossmodal.maths.convex import steady_directions
 from crossmodal.maths.validation import check, number
 from crossmodal.plants.goods.goods_scene import GOODS_DIR, GoodsScene
 
-_TRIES = 24  # Where much rolls, most scenes scatter.
 # Of the target as it is put down.
 _STEADY = np.deg2rad(3.0)  # By which it may be tilted and does not topple.
 _LYING = 0.5  # Largest cosine between its z and the vertical while it lies.
@@ -62,6 +61,8 @@ class ClutterConfig:
     settling: float = number(6.0, above=0.0, at_most=60.0, unit="s")
     # Farthest from the scene's middle that an object's origin may come to rest.
     reach: float = number(0.35, above=0.0, at_most=0.6, unit="m")
+    # Scenes that are tried. Where much rolls, most scatter.
+    tries: int = number(8, at_least=1, at_most=1000)
 
 
 def names_in_clutter(
@@ -100,14 +101,14 @@ def make_dense_clutter(
     names = _drawn_names(config, target, others, rng)
     X_WT = _target_pose(GoodsScene([target], p_WMiddle), target, config, rng)
     fault = ""
-    for _ in range(_TRIES):
+    for _ in range(config.tries):
         scene = GoodsScene(names, p_WMiddle, hasty=True)
         fault, poses = _drop(scene, target, X_WT, config, rng)
         if not fault:
             return poses
     raise ClutterError(
-        f"clutter around '{target}' with seed {seed}: in {_TRIES} tries no scene came to rest as it"
-        f" should; the last one {fault}"
+        f"clutter around '{target}' with seed {seed}: in {config.tries} tries no scene came to rest"
+        f" as it should; the last one {fault}"
     )
 
 

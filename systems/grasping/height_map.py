@@ -22,6 +22,7 @@ CELLS = 150  # Along each edge: a map of 30 cm holds the largest of the objects.
 _LOWEST = 0.006  # What is not higher is not seen of an object but through it, or beside it, [m].
 _SEEN = 0.3  # Share of an object's pixels that must be measured for the others to be like them.
 _UNSEEN_HEIGHT = 0.06  # Else it is taken to be so high: half of what the fingers reach over, [m].
+_NOWHERE = -(2**30)  # A cell.
 _RIM = 4  # What is of no object and so near to one may be its rim, [cells].
 
 
@@ -53,14 +54,15 @@ class SeenPoints(Immutable):
     """What each pixel of an image shows, (H, W).
 
     Attributes:
-        xy: Place (2, H, W) in W, [m]; NaN where nothing is known.
-        heights: Above the table, [m]; NaN likewise.
+        cells: Column and row (2, H, W) of a grid on the table whose first cell is at the origin of
+            W; far outside where nothing is known.
+        heights: Above the table, [m]; NaN where nothing is known.
         highest: At most, where it is not seen how high it is; else the same, [m].
         labels: Number of the object, -1 where there is none.
         gap: So many cells of a map at most lie between the places of neighbouring pixels.
     """
 
-    xy: Array
+    cells: Ids
     heights: Array
     highest: Array
     labels: Ids
@@ -99,8 +101,9 @@ def seen_points(
     down = X_WC[2, 3] - table - heights
     along = np.where(rays[..., 2] < 0.0, down / -rays[..., 2], np.nan)
     farthest = np.nanmax(along[labels >= 0], initial=0.0)
+    xy = X_WC[:2, 3, None, None] + along * np.moveaxis(rays[..., :2], -1, 0)
     return SeenPoints(
-        xy=X_WC[:2, 3, None, None] + along * np.moveaxis(rays[..., :2], -1, 0),
+        cells=np.where(np.isfinite(along), np.round(xy / CELL), _NOWHERE).astype(np.int32),
         heights=heights,
         highest=highest,
         labels=labels,
@@ -127,18 +130,14 @@ def height_map(seen: SeenPoints, label: int) -> HeightMap:
     Raises:
         ValueError: where no pixel shows the object.
     """
-    own = seen.xy[:, seen.labels == label]
-    own = own[:, np.isfinite(own[0])]
+    own = seen.cells[:, (seen.labels == label) & (seen.cells[0] > _NOWHERE)]
     if not own.size:
         raise ValueError(f"no pixel shows object {label}")
-    middle = 0.5 * (own.min(axis=1) + own.max(axis=1))
-    half = 0.5 * CELLS * CELL
-    near_x, near_y = (np.abs(of - at) < half for of, at in zip(seen.xy, middle, strict=True))
-    inside = np.flatnonzero(near_x & near_y)
-    corner = middle - half + 0.5 * CELL
+    first = (own.min(axis=1) + own.max(axis=1) - CELLS) // 2 + 1
+    columns, rows = (of - at for of, at in zip(seen.cells, first, strict=True))
+    inside = np.flatnonzero((columns >= 0) & (columns < CELLS) & (rows >= 0) & (rows < CELLS))
+    cells = CELLS * rows.ravel()[inside] + columns.ravel()[inside]
     labels, gap = seen.labels.ravel()[inside], seen.gap
-    xy = seen.xy.reshape(2, -1)[:, inside].T
-    cells = np.round((xy - corner) / CELL).astype(int)
     is_object, is_beside = labels == label, labels < 0
     is_other = ~(is_object | is_beside)
     heights, highest = seen.heights.ravel()[inside], seen.highest.ravel()[inside]
@@ -148,7 +147,7 @@ def height_map(seen: SeenPoints, label: int) -> HeightMap:
     )
     rim = cv2.dilate(heights, np.ones((2 * _RIM + 1,) * 2)) > 0.0
     return HeightMap(
-        heights=heights, others=np.maximum(others, np.where(rim, 0.0, beside)), corner=corner
+        heights=heights, others=np.maximum(others, np.where(rim, 0.0, beside)), corner=CELL * first
     )
 
 
@@ -166,7 +165,14 @@ def _extent(there: Mask) -> Ids:
 
 
 def _from_above(cells: Ids, heights: Array, gap: int) -> Array:
-    """The greatest of heights (N,) in each cell (CELLS, CELLS), zero where there is none."""
-    found = np.zeros((CELLS, CELLS))
-    np.maximum.at(found, (cells[:, 1], cells[:, 0]), heights)
-    return np.asarray(cv2.morphologyEx(found, cv2.MORPH_CLOSE, np.ones((2 * gap + 1,) * 2)))
+    """The greatest of heights (N,) in each cell (CELLS, CELLS), zero where there is none.
+
+    Args:
+        cells: Numbers (N,) of cells, row by row.
+        heights: In them, [m].
+        gap: See `SeenPoints`.
+    """
+    found = np.zeros(CELLS * CELLS)
+    np.maximum.at(found, cells, heights)
+    closing = np.ones((2 * gap + 1,) * 2)
+    return np.asarray(cv2.morphologyEx(found.reshape(CELLS, CELLS), cv2.MORPH_CLOSE, closing))

@@ -66,7 +66,7 @@ def network_input(
         depth = np.where(masked, 0.0, depth)
     heights = intrinsics.heights(depth, X_WC, table)
     known = np.isfinite(heights)
-    descent = -intrinsics.image_rays(X_WC)[..., 2]  # Per depth.
+    descent = intrinsics.descents(X_WC)
     made = np.empty(SHAPE, np.float32)
     rgb = cv2.resize(colour, small, interpolation=cv2.INTER_AREA)
     made[:3] = rgb.transpose(2, 0, 1) / np.float32(127.5) - np.float32(1.0)

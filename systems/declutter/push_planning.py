@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 import shapely
-from shapely.affinity import translate
 
 from crossmodal.maths.arrays import Array
 from crossmodal.models.gripper_taxels import ARRAYS, TRAVEL, WIDTH, gripper_taxels
@@ -158,14 +157,15 @@ def push_length(
         direction: Of the push (2,), a unit vector.
         config: Of the push.
     """
-    contours = prepared_contours(others)
-    count = int(np.ceil((config.longest - config.shortest) / _LONGER - LENGTH))
-    for length in np.append(config.shortest + _LONGER * np.arange(count), config.longest):
-        moved = translate(segment.contour, *(length * direction))
-        far = moved.distance(target.contour) > config.clear - LENGTH
-        if far and not shapely.intersects(contours, moved).any():
-            return float(length)
-    return config.longest
+    lengths = np.append(
+        np.arange(config.shortest, config.longest - LENGTH, _LONGER), config.longest
+    )
+    corners = shapely.get_num_coordinates(segment.contour)
+    shifts = np.repeat(lengths[:, None] * direction, corners, axis=0)
+    moved = shapely.transform(np.full(len(lengths), segment.contour), lambda p: p + shifts)
+    out = shapely.distance(moved, target.contour) > config.clear - LENGTH
+    out &= ~shapely.intersects(prepared_contours(others)[:, None], moved).any(axis=0)
+    return float(lengths[np.argmax(out)] if out.any() else config.longest)
 
 
 def _push(

@@ -168,7 +168,8 @@ def test_only_pixels_of_its_own_class_are_the_object_s() -> None:
     u = INTRINSICS.project((points - X_WC[:3, 3]) @ X_WC[:3, :3])[:, 0]
     assert u.max() < middle
     trial.fix("object_masks", replace(masks, view=2))
-    trial.fix("segments", Segments(number=2, segments=(replace(box, name="can"),)))
+    elsewhere = shapely.box(2.0, 2.0, 3.0, 3.0)
+    trial.fix("segments", Segments(number=2, segments=(replace(box, contour=elsewhere),)))
     trial.say("looked", 2)
     assert len(trial.tick().points) == 0
 

@@ -98,9 +98,16 @@ class Segments(Immutable):
     bare: shapely.Geometry = field(default_factory=shapely.Polygon)
     segments: tuple[Segment, ...] = ()
 
-    def largest(self, name: str) -> Segment | None:
-        """The object of a class that covers most of the table; among equals the lowest number."""
+    def largest(self, name: str, near: shapely.Geometry | None = None) -> Segment | None:
+        """The object of a class that covers most of the table; among equals the lowest number.
+
+        Args:
+            name: Of the class.
+            near: Part of the table that it is to touch; None for all of it.
+        """
         named = [segment for segment in self.segments if segment.name == name]
+        if near is not None:
+            named = [segment for segment in named if segment.contour.intersects(near)]
         return min(named, key=lambda s: (-round(s.contour.area, 9), s.number), default=None)
 
 

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+import shapely
 from pydrake.common.value import Value
 from pydrake.systems.framework import Context
 from pydrake.systems.sensors import ImageDepth32F, ImageGrey8U
@@ -27,7 +28,6 @@ from crossmodal.systems.port_values import (
 from crossmodal.systems.pose.evidence import all_displacements
 from crossmodal.systems.pose.outline import outline_planes
 from crossmodal.systems.pose.target_model import TargetModel
-from crossmodal.systems.pose.target_segment import target_segment
 from crossmodal.systems.pose.target_view import TargetViewConfig, view_target
 from crossmodal.systems.pose.touch_contacts import contact_points, swept_lines
 from crossmodal.systems.recursive_filter import RecursiveFilter
@@ -142,8 +142,6 @@ class PoseMeasurements(RecursiveFilter):
     - `touch_end`: how the last touch ended, with `number`, `outcome`, `q_start`, `q_end`, `forces`.
     - `segments`, `object_masks`: `Segments` and `ObjectMasks`, which tell the object's pixels from
       those of others; unconnected, all near where it is thought to be are the object's.
-    - `obstacles`: tuple of vertices (N, 3) in W of bodies that hold all others, [m]; may stay
-      unconnected, then there are none.
 
     Output ports:
     - `pose_measurement`: `PoseMeasurement`, the last one.
@@ -159,7 +157,6 @@ class PoseMeasurements(RecursiveFilter):
         config: Of the object's pixels.
         period: Of the ticks, [s].
         name: Of the object's class.
-        is_glass: Whether the camera looks through the object.
     """
 
     def __init__(
@@ -172,10 +169,9 @@ class PoseMeasurements(RecursiveFilter):
         config: TargetViewConfig,
         period: float,
         name: str = "",
-        is_glass: bool = False,
     ) -> None:
         super().__init__()
-        self._name, self._is_glass = name, is_glass
+        self._name = name
         self._model, self._camera, self._taxels = model, camera, taxels
         self._errors = Displacements(camera=camera, taxels=taxels)
         self._nowhere = np.zeros_like(self._errors.touch(np.zeros(taxels.arm.num_joints)))
@@ -192,7 +188,6 @@ class PoseMeasurements(RecursiveFilter):
         self._touch = self.DeclareAbstractInputPort("touch_end", Value[object]())
         self._segments = self._declare_value_input("segments", NO_SEGMENTS)
         self._masks = self._declare_value_input("object_masks", NO_MASKS)
-        self._obstacles = self._declare_value_input("obstacles", ())
         self._declare_recursion(MeasurementsState(), self._calc, period)
         self._declare_latest("pose_measurement", lambda state: state.measurement)
 
@@ -233,14 +228,8 @@ class PoseMeasurements(RecursiveFilter):
         own, outline = np.ones(depth.shape, bool), np.zeros((0, 3))
         masks: ObjectMasks | None = self._read_optional(self._masks, context)
         if masks is not None:
-            target = target_segment(
-                self._read(self._segments, context),
-                self._name,
-                centre[:2],
-                3.0 * guess.translation_sigma,
-                self._read_optional(self._obstacles, context) or (),
-                self._is_glass,
-            )
+            near = shapely.Point(centre[:2]).buffer(3.0 * guess.translation_sigma)
+            target = self._read(self._segments, context).largest(self._name, near)
             own = masks.objects == (-1 if target is None else target.number)
             own &= target is not None
             if target is not None and target.number in masks.glass:

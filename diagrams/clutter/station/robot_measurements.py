@@ -96,7 +96,6 @@ def add_measurements(
             replace(view, lines=0) if is_transparent(scenario) else view,
             scenario.network_period,
             target_name(scenario),
-            is_transparent(scenario),
         ),
     )
     looker = sensors.encoders[CAMERA_ARM]

@@ -114,7 +114,6 @@ def make_robot_station(scenario: Scenario, calibration: Calibration) -> Station:
     else:
         for port in ("segments", "object_masks"):
             connect_alike(builder, declutter.segmenter, port, measurements)
-        connect_alike(builder, declutter.sequence, "obstacles", measurements)
     builder.Connect(measurements.get_output_port(), control.views.GetInputPort("pose_measurement"))
     builder.ExportOutput(measurements.get_output_port(), "pose_measurement")
     builder.ExportOutput(guessed, "pose_guess")

@@ -20,7 +20,7 @@ from crossmodal.maths.arrays import Array, Ids, Mask
 from crossmodal.maths.compiled import hot
 from crossmodal.systems.port_values import ObjectPose, PosePrior, deviations, of_middle
 from crossmodal.systems.pose.evidence import Evidence, Table
-from crossmodal.systems.pose.pose_solver import Problem, refine, walk
+from crossmodal.systems.pose.pose_solver import Problem, linearise, refine, walk
 from crossmodal.systems.pose.surface import Surface, surface_distance
 from crossmodal.systems.pose.target_model import TargetModel
 
@@ -194,14 +194,17 @@ def infer_pose(
     if evidence.table is not None:
         starts[2::2] = stood(starts[2::2], evidence.table, model)
     size = len(fine.s) + len(fine.outline) + _STEPS_ALONG * len(fine.free) + 1
-    modes = _find_modes(starts.copy(), coarse, fine, max(config.budget // size, 4), model.spins)
+    most = max(config.budget // size, 4)
+    modes, costs = _find_modes(starts.copy(), coarse, fine, most, model.spins)
     residuals = len(fine.s) + len(fine.outline) + 1
     length = min(config.steps, 10 * config.budget // (residuals * config.samples))
     # Under so many points that a walk would be short, the modes are narrow: Gaussians. Lines of
     # free space bound the density and do not narrow it, so they do not count.
     is_sparse = length >= _SHORTEST
     if is_sparse:
-        samples, calibration = _randomised(means[1:], starts[1:], fine, config.samples, rng)
+        tried = 1 + np.flatnonzero(costs[1:] < costs[1:].min() - 2.0 * _UNLIKELY)
+        tried = np.resize(tried, config.starts)
+        samples, calibration = _randomised(means[tried], starts[tried], fine, config.samples, rng)
         steps = rng.normal(size=(config.samples, length, modes.P.shape[1]))
         lots = rng.uniform(size=(config.samples, length))
         walk(samples, calibration, _STEP, steps, lots, FINE[-1], fine)
@@ -234,8 +237,10 @@ def infer_pose(
     )
 
 
-def _find_modes(X: Array, coarse: Problem, fine: Problem, most: int, spins: Array) -> _Modes:
-    """Refines hypotheses and keeps those that differ.
+def _find_modes(
+    X: Array, coarse: Problem, fine: Problem, most: int, spins: Array
+) -> tuple[_Modes, Array]:
+    """Refines hypotheses and keeps those that differ; also the costs (K,) that all come to.
 
     Args:
         X: Poses (K, 4, 4) to start from; overwritten.
@@ -245,8 +250,8 @@ def _find_modes(X: Array, coarse: Problem, fine: Problem, most: int, spins: Arra
         spins: Of `TargetModel`.
     """
     c = np.zeros((len(X), coarse.A.shape[2]))
-    costs, P = refine(X, c, COARSE, coarse)
-    best = np.argsort(costs, kind="stable")
+    all_costs, P = refine(X, c, COARSE, coarse)
+    best = np.argsort(all_costs, kind="stable")
     if most < len(best):
         best = best[_distinct(X[best], _information(P[best]))][:most]
     X, c = X[best], c[best]
@@ -259,7 +264,8 @@ def _find_modes(X: Array, coarse: Problem, fine: Problem, most: int, spins: Arra
     order = order[logs[order] > logs.max() + _UNLIKELY]
     kept = order[_distinct(X[order], _information(P[order]))]
     weights = np.exp(logs[kept] - logs.max())
-    return _Modes(X[kept], c[kept], P[kept], roots[kept], weights / weights.sum())
+    weights /= weights.sum()
+    return _Modes(X[kept], c[kept], P[kept], roots[kept], weights), all_costs
 
 
 def _draw(modes: _Modes, count: int, rng: np.random.Generator) -> tuple[Array, Array]:
@@ -278,8 +284,11 @@ def _randomised(
     """Approximate samples of the density: poses (S, 4, 4) and errors of the calibration (S, a).
 
     Each is the maximum under a prior mean and measurements of its own, drawn from their
-    distributions. Where all is linear these are exact samples, whose remaining costs do not depend
-    on the pose. A larger remaining cost tells of a wrong local maximum, so it lowers the weight.
+    distributions. Where all is linear these are exact samples. Otherwise each weighs as its density
+    does beside that of being drawn: as the density across the directions in which what was measured
+    changes with the pose, and as all that the measurements tell is large there. What remains of the
+    drawn noise does not count: it differs by the number of measurements. Lines of free space bound
+    the density; they change weights alone.
 
     Args:
         means: Of the prior (K, 4, 4), drawn from it.
@@ -290,10 +299,14 @@ def _randomised(
     """
     X, c = starts.copy(), rng.normal(size=(len(starts), problem.A.shape[2]))
     costs, floors = np.empty(len(starts)), np.concatenate([COARSE, FINE])
+    size = 6 + c.shape[1]
+    N, v = np.empty((size, size)), np.empty(size)
+    turned = np.diag(np.repeat([3.0 / np.pi**2, 0.0], [3, size - 3]))  # By any angle at most.
     for k in range(len(starts)):
         one = slice(k, k + 1)
-        drawn = _perturbed(problem, means[k], c[k].copy(), rng)
-        costs[k] = refine(X[one], c[one], floors, drawn)[0][0]
+        refine(X[one], c[one], floors, _perturbed(problem, means[k], c[k].copy(), rng))
+        costs[k] = linearise(X[k], c[k], FINE[-1], problem, N, v, False)
+        costs[k] += np.linalg.slogdet(N + turned)[1] - v @ np.linalg.solve(N, v)
     summed = np.cumsum(np.exp(-0.5 * (costs - costs.min())))
     # Systematic resampling.
     at = np.searchsorted(summed, summed[-1] * (np.arange(count) + rng.uniform()) / count)
@@ -301,7 +314,7 @@ def _randomised(
 
 
 def _perturbed(problem: Problem, X: Array, c: Array, rng: np.random.Generator) -> Problem:
-    """The same with prior means X (4, 4) and c (a,), and with drawn noise on points and table."""
+    """The same with prior means X (4, 4) and c (a,), drawn noise on all else, and no free lines."""
     table = problem.table.copy()
     if len(table):
         table[3] += table[4] * rng.normal()
@@ -310,7 +323,8 @@ def _perturbed(problem: Problem, X: Array, c: Array, rng: np.random.Generator) -
     to = problem.X_prior[:3, 3] - problem.eye[problem.outline_group]
     turn = problem.outline_sigma * rng.normal(size=len(to)) / np.sum(to**2, axis=1)
     outline = problem.outline + turn[:, None] * to
-    return problem._replace(X_prior=X, c_prior=c, s=s, outline=outline, table=table)
+    free = problem.free[:0]
+    return problem._replace(X_prior=X, c_prior=c, s=s, outline=outline, table=table, free=free)
 
 
 def _joint_covariance(found: Array, modes: _Modes, active: Mask) -> Array:

@@ -87,6 +87,25 @@ def test_a_view_from_a_miscalibrated_camera_is_as_wrong_as_is_said(model: Target
     assert np.mean(np.array(distances) < chi2.ppf(0.95, 6)) > 0.8
 
 
+def test_few_points_of_an_object_turned_in_any_way_are_as_wrong_as_is_said(
+    model: TargetModel,
+) -> None:
+    """The pose is known by samples, most of whose starts are far from it."""
+    distances = []
+    A = np.concatenate([np.zeros((3, 3)), 3e-3 * np.eye(3)])
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        X = standing(model, rng)
+        p, facing = seen_from(model, X, X[:3, 3] + [0.3, 0.3, 0.35], 120, rng)
+        p = p + 1.5e-3 * rng.normal(size=p.shape) - A[3:] @ rng.normal(size=3)
+        evidence = Evidence(table=Table(height=2e-3 * rng.normal()))
+        prior = replace(wrong(X, 0.2, 0.02, rng), rotation_sigma=np.inf)
+        belief = infer_pose(evidence.with_group(A, p, 1.5e-3, facing), prior, model, CONFIG)
+        distances.append(belief.distance(X))
+    assert np.median(distances) < 1.5 * chi2.ppf(0.5, 6)
+    assert np.mean(np.array(distances) < chi2.ppf(0.95, 6)) > 0.8
+
+
 def test_outlines_from_a_miscalibrated_camera_are_as_wrong_as_is_said(model: TargetModel) -> None:
     """Two images without depth; the camera is displaced by 3 mm per axis in both."""
     distances, angles = [], np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False)

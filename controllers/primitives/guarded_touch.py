@@ -1,8 +1,10 @@
 """Touches something along a straight approach and stops at the first contact."""
 
+from collections.abc import Iterator
 from collections.abc import Sequence as Items
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -23,6 +25,7 @@ from crossmodal.maths.arrays import Array, Ids
 from crossmodal.maths.immutable import Immutable
 from crossmodal.maths.validation import check, number
 
+_LINES = 4  # Ways to make one touch to which a path is sought before it is given up.
 _ROLLS = 6  # Turns of the gripper about the approach that are tried, over half a turn.
 
 
@@ -221,12 +224,14 @@ class GuardedTouch(ArmTask):
         if ended:
             return self._home(context, state)
         state = replace(state, number=wanted.number)
-        line = touch_line(self._planner, wanted, [here, self._q_home], others, self._config)
-        path = None
-        if line is not None:
+        lines = touch_lines(self._planner, wanted, [here, self._q_home], others, self._config)
+        line, path, rng = here[None], None, np.random.default_rng(wanted.number)
+        for line in islice(lines, _LINES):
             self._planner.look_at(others, believed_obstacles(wanted))
-            path = self._planner.path(here, line[0], np.random.default_rng(wanted.number))
-        if line is None or path is None:
+            path = self._planner.path(here, line[0], rng)
+            if path is not None:
+                break
+        if path is None:
             end = TouchEnd(number=wanted.number, outcome=TouchOutcome.UNREACHABLE)
             return replace(state, phase=TouchPhase.WAIT, end=end)
         return replace(
@@ -303,14 +308,14 @@ class GuardedTouch(ArmTask):
         return replace(state, phase=TouchPhase.HOME, motion=self._motion(path, context.get_time()))
 
 
-def touch_line(
+def touch_lines(
     planner: MotionPlanner,
     wanted: Any,
     guesses: Items[Array],
     others: dict[str, Array],
     config: GuardedTouchConfig,
-) -> Array | None:
-    """Postures (K, n) of a touch's approach; None if the arm cannot make it.
+) -> Iterator[Array]:
+    """Postures (K, n) of a touch's approach, for each way in which the arm can make it.
 
     The gripper may be turned about the approach in any way; what stands where the object is thought
     to be is no obstacle.
@@ -338,7 +343,6 @@ def touch_line(
             planner.look_at(others, wanted.obstacles)
             line = planner.line(q, z, wanted.reach) if is_free else q[None]
             if planner.length(line) >= least:
-                return line
+                yield line
         if not found:  # The wrist cannot get there, however it is turned.
-            return None
-    return None
+            return

@@ -7,7 +7,7 @@ from pydrake.math import RigidTransform
 from pydrake.systems.framework import OutputPort
 
 from crossmodal.controllers.primitives.arm_task import believed_obstacles
-from crossmodal.controllers.primitives.guarded_touch import GuardedTouch, touch_line
+from crossmodal.controllers.primitives.guarded_touch import GuardedTouch, touch_lines
 from crossmodal.controllers.primitives.look import Look
 from crossmodal.diagrams.clutter.robot_config import (
     CAMERA_ARM,
@@ -93,7 +93,7 @@ def add_control(
     def can_touch(request: TouchRequest) -> bool:
         others = {CAMERA_ARM: q_home[CAMERA_ARM]}
         planner, guesses = planners[TOUCH_ARM], [q_home[TOUCH_ARM]]
-        return touch_line(planner, request, guesses, others, config.touch) is not None
+        return any(True for _ in touch_lines(planner, request, guesses, others, config.touch))
 
     add = builder.AddNamedSystem
     views = add("views", ViewPlanner(model, scenario.views, period, seed, can_look))

@@ -233,6 +233,24 @@ def test_what_cannot_be_touched_is_reported_and_the_next_one_is_made(
     assert (end.number, end.outcome) == (2, "contact")
 
 
+def test_where_no_way_leads_to_one_posture_another_one_is_taken(
+    planner: MotionPlanner, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[Array] = []
+    path = planner.path
+
+    def without_the_first(q_start: Array, q_goal: Array, rng: np.random.Generator) -> Any:
+        asked.append(q_goal)
+        return None if len(asked) == 1 else path(q_start, q_goal, rng)
+
+    monkeypatch.setattr(planner, "path", without_the_first)
+    trial = Trial(planner, an_object)
+    trial.ask(WANTED)
+    trial.go_on(15.0)
+    assert trial.read("touch_end").outcome == "contact"
+    assert np.abs(asked[1] - asked[0]).max() > 0.1
+
+
 def test_it_waits_until_the_other_arm_is_out_of_the_way(planner: MotionPlanner) -> None:
     trial = Trial(planner)
     trial.clear(False)

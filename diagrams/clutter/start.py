@@ -78,9 +78,13 @@ def true_offset(scenario: Scenario, calibration: Calibration, X_WC: Array, p: Ar
     ((name, believed),) = calibration.cameras.items()
     camera = draw_camera(name, believed, scenario.calibration.errors, scenario.seed)
     mounting = (believed.X_PC.inverse() @ camera.X_PC).GetAsMatrix4()
-    X_seen = X_WC @ mounting @ np.linalg.inv(X_WC)
-    X_met = np.linalg.inv(true_displacement(scenario, calibration)) @ X_seen
-    return np.asarray((X_met @ np.append(p, 1.0))[:3] - p)
+    p_C = np.linalg.inv(X_WC) @ np.append(p, 1.0)
+    p_C[:3] *= believed.depth_scale / camera.depth_scale
+    p_C[0] *= believed.intrinsics.focal_x / camera.intrinsics.focal_x
+    p_C[1] *= believed.intrinsics.focal_y / camera.intrinsics.focal_y
+    p_WTrue = X_WC @ mounting @ p_C
+    X_met = np.linalg.inv(true_displacement(scenario, calibration))
+    return np.asarray((X_met @ p_WTrue)[:3] - p)
 
 
 def first_guess(scenario: Scenario, X_WM: Array, model: TargetModel) -> PosePrior:

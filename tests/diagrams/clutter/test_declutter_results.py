@@ -19,7 +19,7 @@ from crossmodal.diagrams.clutter.results.declutter_results import (
 )
 from crossmodal.diagrams.clutter.scenario import object_names
 from crossmodal.diagrams.clutter.start import true_offset
-from crossmodal.diagrams.run.calibration import Calibration, CalibrationErrors
+from crossmodal.diagrams.run.calibration import Calibration, CalibrationErrors, draw_camera
 from crossmodal.diagrams.run.record import EpisodeRecord, Tick
 from crossmodal.maths import se3
 from crossmodal.plants.goods.clutter_density import NO_DENSITY
@@ -191,6 +191,23 @@ def test_what_the_arm_has_learned_of_its_offset_is_compared_with_the_truth(
         scenario, calibration=replace(scenario.calibration, errors=CalibrationErrors())
     )
     assert_allclose(true_offset(perfect, calibration, view, p), 0.0, atol=1e-9)
+
+
+def test_what_is_seen_too_near_is_met_farther_from_the_camera(record: EpisodeRecord) -> None:
+    """On the camera's axis a wrong scale of depths counts, beside it a wrong focal length, too."""
+    scenario, errors = record.scenario, CalibrationErrors(depth_scale=0.01, focal_length=0.01)
+    scenario = replace(scenario, calibration=replace(scenario.calibration, errors=errors))
+    calibration = make_calibration(scenario)
+    view = se3.looking_at(np.array([0.4, 0.0, 0.7]), np.zeros(3))
+    ((name, believed),) = calibration.cameras.items()
+    camera = draw_camera(name, believed, errors, scenario.seed)
+    scale, focal = camera.depth_scale, camera.intrinsics.focal_x / believed.intrinsics.focal_x
+    assert abs(scale - 1.0) > 1e-4
+    assert abs(focal - 1.0) > 1e-4
+    ahead, beside = 0.5 * view[:3, 2], 0.1 * view[:3, 0]
+    offset = true_offset(scenario, calibration, view, view[:3, 3] + ahead + beside)
+    expected = (1.0 / scale - 1.0) * ahead + (1.0 / scale / focal - 1.0) * beside
+    assert_allclose(offset, expected, atol=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,13 @@ import numpy as np
 import shapely
 
 from crossmodal.maths.arrays import Array
+from crossmodal.systems.declutter.push import (
+    PushConfig,
+    finger_places,
+    outlines_on_the_way,
+    rectangles,
+    spared,
+)
 from crossmodal.systems.port_values import Segment, Segments
 
 EVERYWHERE = shapely.box(-2.0, -2.0, 2.0, 2.0)
@@ -45,3 +52,26 @@ def image(*segments: Segment, number: int = 1, shown: shapely.Geometry = EVERYWH
     """What an image shows that is taken from straight above."""
     bare = shapely.difference(shown, shapely.union_all([s.contour for s in segments]))
     return Segments(number=number, time=0.1 * number, segments=segments, bare=bare)
+
+
+def finger_place(
+    segment: Segment, direction: Array, offset: float, config: PushConfig
+) -> tuple[Array, shapely.Polygon] | None:
+    """A single one: its point and rectangle."""
+    points, edges = finger_places(segment, direction, np.array([offset]), config)
+    return (points[0], rectangles(segment, direction, edges)[0]) if len(points) else None
+
+
+def spares(segment: Segment, target: Segment, motion: Array, clearance: float) -> bool:
+    """Whether an object that moves straight leaves the target alone."""
+    length = float(np.linalg.norm(motion))
+    lengths = np.linspace(0.0, length, 51)
+    return bool(
+        spared(outlines_on_the_way(segment, motion / length, 0.0, lengths), target, clearance).all()
+    )
+
+
+def along(polygon: Array, count: int = 400) -> Array:
+    """Points on the edges of a polygon, so many on each."""
+    share = np.linspace(0.0, 1.0, count)[:, None, None]
+    return np.asarray(((1 - share) * polygon + share * np.roll(polygon, -1, axis=0)).reshape(-1, 2))

@@ -201,36 +201,6 @@ def declutter_graph(
         is_guess=is_guess,
         why=NO_TARGET if is_guess else TARGET_FREE if len(tree) == 1 else NOTHING_LEFT,
     )
-    for is_last in (False, True):
-        found = _with_next(graph, left, qualities, tries, config, table, is_last)
-        if found.next >= 0:
-            break
-    return found
-
-
-def _with_next(
-    graph: DeclutterGraph,
-    left: Mapping[int, Sequence[DeclutterAction]],
-    qualities: Mapping[int, float],
-    tries: Tries,
-    config: DeclutterConfig,
-    table: shapely.Geometry | None,
-    is_last: bool,
-) -> DeclutterGraph:
-    """The graph with what is to be taken away next, or why each object cannot be.
-
-    Args:
-        graph: Without that.
-        left: Actions on each object that may still be tried.
-        qualities: See `declutter_graph`, and likewise the others.
-        tries: What has failed.
-        config: Of the graph and of pushes.
-        table: The part of it to which objects may be pushed.
-        is_last: See `plan_pushes`.
-    """
-    root, vertices = graph.vertices[0].segment, {v.segment.number: v for v in graph.vertices}
-    segments = [*(vertex.segment for vertex in graph.vertices), *graph.apart]
-    segments.sort(key=lambda segment: segment.number)
     beneath = {s.number for s in segments if _lies_beneath(s, segments, config)}
 
     def rank(leaf: DeclutterVertex) -> tuple[bool, bool, float, int]:
@@ -245,7 +215,7 @@ def _with_next(
         for action in left[n]:
             pushes: tuple[Push, ...] = ()
             if action is DeclutterAction.PUSH:
-                pushes = plan_pushes(leaf.segment, others, root, config.push, table, is_last)
+                pushes = plan_pushes(leaf.segment, others, root, config.push, table)
                 why = pushes[0].why or BLOCKED
                 pushes = tuple(push for push in pushes if not push.why and comes_down(push, tries))
                 if not pushes:

@@ -70,7 +70,6 @@ def plan_pushes(
     target: Segment,
     config: PushConfig,
     table: shapely.Geometry | None = None,
-    is_last: bool = False,
 ) -> tuple[Push, ...]:
     """The pushes of an object that spare the target, the best one first; or one that says why not.
 
@@ -78,9 +77,9 @@ def plan_pushes(
     those whose finger does not slide along it, then those whose fingers have room beside others
     where they come down, then those in which the fewest others are met, then those that take it out
     of the way, then those nearest to the direction away from the clutter, to the left before to the
-    right. Where the centroid cannot be ahead of the finger in any direction, the finger turns the
-    object as it goes; then it may meet nothing, for what turns against other things slides off the
-    finger.
+    right; into the clutter where no other is possible. Where the centroid cannot be ahead of the
+    finger in any direction, the finger turns the object as it goes; then it may meet nothing, for
+    what turns against other things slides off the finger.
 
     Args:
         segment: To be pushed.
@@ -88,13 +87,13 @@ def plan_pushes(
         target: The target.
         config: Of the push.
         table: The part of it to which objects may be pushed, in W; None for anywhere.
-        is_last: Whether nothing else can be done: then it may be pushed into the clutter, too.
     """
     away = away_from_clutter(segment, others, target)
     found, failures = list[_Found](), set[str]()
-    largest = config.largest_turn if is_last else min(config.largest_turn, _OUT)
-    for is_beside in (False, True):
-        for turn in np.deg2rad(_both_sides(largest, _TURN)):
+    turns = _both_sides(config.largest_turn, _TURN)
+    out, into = turns[np.abs(turns) <= _OUT], turns[np.abs(turns) > _OUT]
+    for is_beside, tried in ((False, out), (False, into), (True, out), (True, into)):
+        for turn in np.deg2rad(tried):
             c, s = np.cos(turn), np.sin(turn)
             direction = np.array([[c, -s], [s, c]]) @ away
             wanted = push_length(segment, others, target, direction, config)

@@ -432,23 +432,6 @@ def test_what_covers_a_leaf_is_moved_before_it_even_if_that_is_not_sure() -> Non
     assert (found.next, found.is_covered) == (glass.number, False)
 
 
-def test_something_is_pushed_into_the_clutter_only_where_nothing_else_can_be_done() -> None:
-    target, enclosed = rectangle(0, "wineglass", (0.11, 0.0)), rectangle(1, "can", (0.0, 0.0))
-    around = [
-        rectangle(2, "", (-0.045, 0.0), (0.04, 0.2)),
-        rectangle(3, "", (0.0, 0.05)),
-        rectangle(4, "", (0.0, -0.05)),
-    ]
-    assert graph_of(target, enclosed, *around).next in (3, 4)
-    tries = NO_TRIES
-    for segment in around:
-        for action in DeclutterAction:
-            tries = tries.out_of_reach(segment.number, action)
-    graph = graph_of(target, enclosed, *around, tries=tries)
-    assert (graph.next, graph.vertex(1).action) == (1, PUSH)
-    assert graph.pushes[0].direction[0] < 0.0
-
-
 def test_what_hangs_on_a_leaf_that_cannot_be_moved_is_moved_instead() -> None:
     """Three in a row from the target: the outer one stays, so the middle one is next."""
     chain = row(0.0, 0.05, 0.08)

@@ -434,7 +434,7 @@ def test_a_push_is_turned_until_it_spares_the_target() -> None:
     assert straight.why
 
 
-def test_what_others_enclose_but_on_one_side_is_pushed_into_them_at_last() -> None:
+def test_what_others_enclose_but_on_one_side_is_pushed_into_them() -> None:
     pushed, target = rectangle(0, "can", (0.0, 0.0)), rectangle(1, "wineglass", (0.4, 0.0))
     around = [
         rectangle(2, "sponge", (-0.045, 0.0), (0.04, 0.2)),
@@ -443,8 +443,8 @@ def test_what_others_enclose_but_on_one_side_is_pushed_into_them_at_last() -> No
     ]
     others = [target, *around]
     assert away_from_clutter(pushed, others, target)[0] > 0.0
-    assert plan_push(pushed, others, target, CONFIG).why
-    push = plan_push(pushed, others, target, CONFIG, None, True)
+    assert plan_push(pushed, others, target, replace(CONFIG, largest_turn=90.0)).why
+    push = plan_push(pushed, others, target, CONFIG)
     assert push.why == ""
     assert push.direction[0] < 0.0
     assert 2 in push.meets

@@ -270,7 +270,7 @@ class MoveObject(ArmTask):
             here = state.motion.at(context.get_time())
             left = self._planner.length(np.array([here, goal]))
             assert state.plan is not None
-            if left > max(self._config.landing, state.plan.spare):
+            if left > max(state.request.landing, state.plan.spare):
                 state = self._met(context, state, self._tips, np.inf)
                 return self._ended(context, state, ActionOutcome.BLOCKED)
             return self._begin(context, state)
@@ -397,7 +397,7 @@ class MoveObject(ArmTask):
                 )
                 if path is not None:
                     return replace(state, motion=self._motion(path, time), trail=())
-            motion = self._leg_motion(leg, time)
+            motion = self._leg_motion(leg, state.motion.at(time), time)
             return replace(state, motion=motion, trail=tuple(trail))
         end = replace(state.end, seconds=time - state.started)
         return replace(state, leg=Leg(phase=ActionPhase.WAIT), last=end)
@@ -447,16 +447,19 @@ class MoveObject(ArmTask):
             back = state.motion.back(time, q)
             speed = max(state.leg.speed, self._config.carry_speed)
             trail = (*trail, replace(state.leg, postures=back, speed=speed))
-        motion = resting(q) if leg.postures is None else self._leg_motion(leg, time)
+        motion = resting(q) if leg.postures is None else self._leg_motion(leg, q, time)
         state = replace(state, leg=leg, motion=motion, trail=trail, legs=tuple(rest))
         return self._retreat(context, state) if leg.phase is ActionPhase.RETREAT else state
 
-    def _leg_motion(self, leg: Leg, time: float) -> JointMotion:
+    def _leg_motion(self, leg: Leg, q: Array, time: float) -> JointMotion:
+        """Of a leg, from where the arm is: it may have landed before the end of the last one."""
         assert leg.postures is not None
         if leg.phase is ActionPhase.TRANSIT:
             return self._motion(leg.postures, time)
         eased = leg.phase is not ActionPhase.PUSH
-        return along_line(leg.postures, self._arm, time, leg.speed, self._limits, eased)
+        passed = int(np.argmin(np.linalg.norm(leg.postures - q, axis=1)))
+        left = np.vstack([q, leg.postures[passed + 1 :]])
+        return along_line(left, self._arm, time, leg.speed, self._limits, eased)
 
 
 def _opening(state: MoveState) -> float:

@@ -23,12 +23,14 @@ from crossmodal.systems.port_values import (
     NO_SEGMENTS,
     ActionRequest,
     ArmOffset,
+    Grasp,
     Segments,
 )
 from crossmodal.systems.recursive_filter import RecursiveFilter
 
 _CELLS = 51  # Of the grid along each axis.
 _REACH = 4.0  # Of the grid to each side, in standard deviations before anything was met.
+_DEEPER = 2.0  # Standard deviations of the table's height by which fingers reach below it.
 _LEAST_DEPTH = 1e-3  # What is met at an outline is met within so much of it, [m].
 
 
@@ -78,20 +80,30 @@ def likelihood(contact: Array, offsets: Array, scene: Segments, config: ArmOffse
     return np.asarray((1.0 - config.wrong) * found / best + config.wrong)
 
 
-def as_met(request: ActionRequest, offset: Array, table: float = 0.0) -> ActionRequest:
+def as_met(request: ActionRequest, arm: ArmOffset, table: float = 0.0) -> ActionRequest:
     """A request for places that a camera has seen, at those where the arm meets them.
+
+    Fingers that come down to the table, beside what is low, reach so much deeper that they meet it
+    wherever it may be.
 
     Args:
         request: What is to be done; its heights are above the table.
-        offset: Of the arm in W (3,), [m].
+        arm: By how much it meets things beside where they are seen.
         table: z at which the camera sees the table, [m].
     """
-    X = np.eye(4)
-    X[:3, 3] = offset
-    raised = table + offset[2]
+    offset = arm.mean
+    raised, deeper = table + offset[2], _DEEPER * float(np.sqrt(arm.covariance[2, 2]))
+
+    def met(grasp: Grasp) -> Grasp:
+        X = grasp.X_WE.copy()
+        X[:3, 3] += offset
+        X[2, 3] -= deeper if grasp.X_WE[2, 3] - table < deeper else 0.0
+        return replace(grasp, X_WE=X)
+
     return replace(
         request,
-        grasps=tuple(replace(grasp, X_WE=X @ grasp.X_WE) for grasp in request.grasps),
+        grasps=tuple(met(grasp) for grasp in request.grasps),
+        landing=max(request.landing, 2.0 * deeper),
         pushes=tuple(
             replace(
                 push,

@@ -457,7 +457,7 @@ class DeclutterSequence(RecursiveFilter):
             top=vertex.segment.top,
             obstacles=bodies_around(others, state.scene.table, self._config.around),
         )
-        request = as_met(request, self._arm_offset(context).mean, state.scene.table)
+        request = as_met(request, self._arm_offset(context), state.scene.table)
         return replace(
             state, phase=DeclutterPhase.CLEAR, request=request, sides=0, unseen=0, centred=0
         )

@@ -326,6 +326,7 @@ class ActionRequest(Immutable):
         passed: Of each place, how high that is which the object passes over on a straight way
             there (K,), above the table, [m].
         top: Height of the object above the table, [m]; NaN where it is not known.
+        landing: Of a way down, what stops the fingers so near to its end is the table, [m].
         obstacles: Vertices (N, 3) in W of convex bodies that hold all other objects, [m]; the arm
             goes through none of them, and the gripper neither on its way to the object.
         done: Whether no more requests follow, so that the arm goes home.
@@ -339,6 +340,7 @@ class ActionRequest(Immutable):
     places: Array = field(default_factory=lambda: np.zeros((0, 2)))
     passed: Array = field(default_factory=lambda: np.zeros(0))
     top: float = np.nan
+    landing: float = 5e-3
     obstacles: Bodies = ()
     done: bool = False
 

@@ -297,6 +297,21 @@ def test_what_stops_the_fingers_just_before_the_grasp_is_the_table(planner: Moti
     assert done(planner, GRASP, World(obstacle=HEIGHT + 0.003))[1].outcome == "placed"
 
 
+def test_it_is_the_table_only_as_near_as_its_height_is_known(planner: MotionPlanner) -> None:
+    for landing, phase in ((0.005, ActionPhase.RETREAT), (0.015, ActionPhase.CLOSE)):
+        grasp = replace(GRASP, top=0.06, landing=landing)
+        assert done(planner, grasp, World(obstacle=HEIGHT + 0.01))[0].phases[4] == phase
+
+
+def test_fingers_that_have_landed_are_lifted_from_there(planner: MotionPlanner) -> None:
+    trial = Trial(planner, World(obstacle=HEIGHT + 0.003))
+    trial.ask(GRASP)
+    while trial.read("phase") != ActionPhase.CARRY:
+        trial.go_on(PERIOD)
+        if trial.read("phase") in (ActionPhase.CLOSE, ActionPhase.LIFT):
+            assert pose_at(touch_arm(), trial.q)[2, 3] > HEIGHT + 0.001
+
+
 @pytest.mark.parametrize(
     "change",
     [

@@ -193,7 +193,8 @@ def test_a_request_is_displaced_as_a_whole() -> None:
         top=0.1,
         obstacles=(np.array([[0.0, 0.0, 0.1]]),),
     )
-    met = as_met(request, np.array([0.01, -0.02, 0.003]), table=-0.001)
+    arm = ArmOffset(mean=np.array([0.01, -0.02, 0.003]))
+    met = as_met(request, arm, table=-0.001)
     assert_allclose(met.grasps[0].X_WE[:3, 3], [0.01, -0.02, 0.003])
     assert_allclose(met.pushes[0].point, [0.11, 0.18])
     assert_allclose(met.pushes[0].place, [0.01, 0.18])
@@ -204,6 +205,20 @@ def test_a_request_is_displaced_as_a_whole() -> None:
     assert_allclose(met.places, [[0.51, -0.02]])
     assert_allclose(met.obstacles[0], [[0.01, -0.02, 0.103]])
     assert met.number == 3
+
+
+def test_fingers_beside_what_is_low_reach_for_the_table() -> None:
+    """Its height is known to 2 mm; those beside something high need not get there."""
+    table, heights, at = 0.3, [0.001, 0.02], np.array([np.eye(4), np.eye(4)])
+    at[:, 2, 3] = table + np.array(heights)
+    request = ActionRequest(
+        grasps=tuple(Grasp(X_WE=X, width=0.05, quality=1.0) for X in at), landing=0.005
+    )
+    arm = ArmOffset(mean=np.array([0.0, 0.0, 0.01]), covariance=np.diag([0.0, 0.0, 4e-6]))
+    met = as_met(request, arm, table)
+    assert_allclose([g.X_WE[2, 3] for g in met.grasps], [0.311 - 0.004, 0.33])
+    assert met.landing == pytest.approx(0.008)
+    assert as_met(request, replace(arm, covariance=np.zeros((3, 3))), table).landing == 0.005
 
 
 def test_documented_ports_are_the_declared_ones(offset: ArmOffsetFilter) -> None:

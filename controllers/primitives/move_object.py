@@ -264,6 +264,8 @@ class MoveObject(ArmTask):
         return self._begin(context, state) if self._rests(context, state) and opened else state
 
     def _descend(self, context: Context, state: MoveState) -> MoveState:
+        if state.leg.postures is None:  # It has landed.
+            return self._begin(context, state) if self._rests(context, state) else state
         pressed = np.linalg.norm(state.forces[self._tips], axis=1).max() > self._config.threshold
         if pressed:
             goal = state.motion.knots[-1]
@@ -273,8 +275,20 @@ class MoveObject(ArmTask):
             if left > max(state.request.landing, state.plan.spare):
                 state = self._met(context, state, self._tips, np.inf)
                 return self._ended(context, state, ActionOutcome.BLOCKED)
-            return self._begin(context, state)
+            return self._landed(context, state, here)
         return self._begin(context, state) if self._rests(context, state) else state
+
+    def _landed(self, context: Context, state: MoveState, q: Array) -> MoveState:
+        """Goes back until the fingers do not press on the table, so that they can close on it."""
+        time = context.get_time()
+        back = state.motion.back(time, q)
+        relief = self._config.relief
+        lengths = np.array([self._planner.length(back[: k + 1]) for k in range(len(back))])
+        end = [np.interp(relief, lengths, joint) for joint in back.T]
+        line = np.vstack([back[lengths < relief], end])
+        up = along_line(line, self._arm, time, self._config.speed, self._limits)
+        trail = (*state.trail, replace(state.leg, postures=back))
+        return replace(state, leg=replace(state.leg, postures=None), motion=up, trail=trail)
 
     def _close(self, context: Context, state: MoveState) -> MoveState:
         config, grip = self._config.grip, state.grip

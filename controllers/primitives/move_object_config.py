@@ -63,6 +63,9 @@ class MoveObjectConfig:
     near: float = number(0.002, at_least=0.0, at_most=0.1, unit="m")
     # Of the force on a taxel at the fingers' ends on the way down, beyond which it is blocked.
     threshold: float = number(0.08, above=0.0, at_most=100.0, unit="N")
+    # By which the fingers go up again once they have met the table: as long as they press on it
+    # they do not close on what is thin. The command is ahead of the hand by some millimetres.
+    relief: float = number(0.004, at_least=0.0, at_most=0.05, unit="m")
     # For which the taxels' offsets are averaged.
     tare_time: float = number(0.5, above=0.0, at_most=60.0, unit="s")
     # Over which forces are averaged: of a decision, and of a contact that is pushed.

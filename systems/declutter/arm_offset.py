@@ -23,14 +23,13 @@ from crossmodal.systems.port_values import (
     NO_SEGMENTS,
     ActionRequest,
     ArmOffset,
-    Grasp,
     Segments,
 )
 from crossmodal.systems.recursive_filter import RecursiveFilter
 
 _CELLS = 51  # Of the grid along each axis.
 _REACH = 4.0  # Of the grid to each side, in standard deviations before anything was met.
-_DEEPER = 2.0  # Standard deviations of the table's height by which fingers reach below it.
+_SURE = 3.0  # Standard deviations of the table's height within which it is met.
 _LEAST_DEPTH = 1e-3  # What is met at an outline is met within so much of it, [m].
 
 
@@ -83,27 +82,19 @@ def likelihood(contact: Array, offsets: Array, scene: Segments, config: ArmOffse
 def as_met(request: ActionRequest, arm: ArmOffset, table: float = 0.0) -> ActionRequest:
     """A request for places that a camera has seen, at those where the arm meets them.
 
-    Fingers that come down to the table, beside what is low, reach so much deeper that they meet it
-    wherever it may be.
-
     Args:
         request: What is to be done; its heights are above the table.
         arm: By how much it meets things beside where they are seen.
         table: z at which the camera sees the table, [m].
     """
     offset = arm.mean
-    raised, deeper = table + offset[2], _DEEPER * float(np.sqrt(arm.covariance[2, 2]))
-
-    def met(grasp: Grasp) -> Grasp:
-        X = grasp.X_WE.copy()
-        X[:3, 3] += offset
-        X[2, 3] -= deeper if grasp.X_WE[2, 3] - table < deeper else 0.0
-        return replace(grasp, X_WE=X)
-
+    X = np.eye(4)
+    X[:3, 3] = offset
+    raised = table + offset[2]
     return replace(
         request,
-        grasps=tuple(met(grasp) for grasp in request.grasps),
-        landing=max(request.landing, 2.0 * deeper),
+        grasps=tuple(replace(grasp, X_WE=X @ grasp.X_WE) for grasp in request.grasps),
+        landing=max(request.landing, _SURE * float(np.sqrt(arm.covariance[2, 2]))),
         pushes=tuple(
             replace(
                 push,

@@ -83,6 +83,7 @@ class World:
         half_width: Of what is grasped, [m]; zero: there is nothing.
         weight: Of that, [N].
         friction: Shear over normal at which it is lost.
+        lifted: From which height of the fingers on it hangs on them, [m].
         obstacle: Height of what meets the fingers' ends on the way down, [m].
         sideways: Load across the fingers until it is lowered, [N].
         resistance: Of what is pushed, [N].
@@ -93,6 +94,7 @@ class World:
     half_width: float = 0.03
     weight: float = 3.0
     friction: float = 0.6
+    lifted: float = HEIGHT + 0.004
     obstacle: float = -1.0
     sideways: float = 0.0
     resistance: float = 1.0
@@ -113,8 +115,7 @@ class World:
             return forces, np.maximum(command, 0.0)
         fingers = np.maximum(command, self.half_width)
         normal = np.clip(STIFFNESS * (fingers - command), 0.0, 10.0) * (self.half_width > 0.0)
-        # It hangs on the fingers as soon as it is lifted by some millimetres.
-        load = self.weight if height > HEIGHT + 0.004 and normal.all() else 0.0
+        load = self.weight if height > self.lifted and normal.all() else 0.0
         if load > self.friction * normal.sum():
             self.half_width = 0.0
             return forces, np.maximum(command, 0.0)
@@ -294,7 +295,8 @@ def test_what_stops_the_fingers_once_they_are_deep_enough_does_not_matter(
 
 
 def test_what_stops_the_fingers_just_before_the_grasp_is_the_table(planner: MotionPlanner) -> None:
-    assert done(planner, GRASP, World(obstacle=HEIGHT + 0.003))[1].outcome == "placed"
+    world = World(obstacle=HEIGHT + 0.003, lifted=HEIGHT + 0.01)
+    assert done(planner, GRASP, world)[1].outcome == "placed"
 
 
 def test_it_is_the_table_only_as_near_as_its_height_is_known(planner: MotionPlanner) -> None:
@@ -303,13 +305,18 @@ def test_it_is_the_table_only_as_near_as_its_height_is_known(planner: MotionPlan
         assert done(planner, grasp, World(obstacle=HEIGHT + 0.01))[0].phases[4] == phase
 
 
-def test_fingers_that_have_landed_are_lifted_from_there(planner: MotionPlanner) -> None:
-    trial = Trial(planner, World(obstacle=HEIGHT + 0.003))
+def test_fingers_that_have_landed_close_and_are_lifted_above_the_table(
+    planner: MotionPlanner,
+) -> None:
+    table, heights = HEIGHT + 0.003, list[float]()
+    trial = Trial(planner, World(obstacle=table, lifted=HEIGHT + 0.01))
     trial.ask(GRASP)
-    while trial.read("phase") != ActionPhase.CARRY:
+    for _ in range(round(20.0 / PERIOD)):
         trial.go_on(PERIOD)
         if trial.read("phase") in (ActionPhase.CLOSE, ActionPhase.LIFT):
-            assert pose_at(touch_arm(), trial.q)[2, 3] > HEIGHT + 0.001
+            heights.append(float(pose_at(touch_arm(), trial.q)[2, 3]))
+    assert trial.phases[4:7] == [ActionPhase.CLOSE, ActionPhase.LIFT, ActionPhase.CARRY]
+    assert table + 0.5 * CONFIG.relief < min(heights) < table + CONFIG.relief
 
 
 @pytest.mark.parametrize(

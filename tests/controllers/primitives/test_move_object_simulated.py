@@ -91,3 +91,22 @@ def test_a_can_is_moved_upright_and_a_box_beside_it_is_not(
     assert upright(scene.pose("can")) < 1.0
     box = scene.pose("black_box").translation() - BOX.translation()
     assert np.linalg.norm(box) < 1e-3
+
+
+@pytest.mark.parametrize("error", [-0.006, 0.004], ids=["higher", "lower"])
+def test_a_pen_is_grasped_although_the_table_is_not_where_it_is_thought(error: float) -> None:
+    """The table is met above the end of the way down, or the fingers end above the table."""
+    X_WE, marker = np.eye(4), RigidTransform([0.6, -0.1, 0.0])  # It lies along x.
+    X_WE[:3, :3] = np.column_stack([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+    X_WE[:3, 3] = [0.6, -0.1, 0.001 + error]
+    wanted = replace(
+        GRASP,
+        grasps=(Grasp(X_WE=X_WE, width=0.04, quality=0.9),),
+        top=0.018 + error,
+        landing=0.01,
+        obstacles=(),
+    )
+    scene = ObjectScene({"marker": marker}, wanted, MoveObjectConfig(transit=QUICK, lift=0.08))
+    assert scene.run(longest=30.0).outcome == "placed"
+    motion = (scene.pose("marker").translation() - marker.translation())[:2]
+    assert motion == pytest.approx((0.08, -0.1), abs=0.01)

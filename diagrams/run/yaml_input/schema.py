@@ -76,8 +76,9 @@ class _Reader:
 
     def part(self, value: Any, schema: Any, default: Any, path: str) -> Any:
         """The mapping `value` as an instance of the dataclass `schema`."""
-        self._require(isinstance(value, dict), value, "a mapping", path)
         fields = {field.name: field for field in dataclasses.fields(schema)}
+        keys = f"a mapping of some of these keys: {', '.join(sorted(fields))}"
+        self._require(isinstance(value, dict), value, keys, path)
         hints = typing.get_type_hints(schema)
         made = {}
         for key, item in value.items():

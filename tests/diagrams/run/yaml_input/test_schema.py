@@ -103,7 +103,10 @@ def test_loading_one_does_not_change_the_defaults_of_the_next() -> None:
     [
         ({"nam": "a"}, "mine.yaml: unknown key 'nam'; did you mean 'name'?"),
         ({"eyes": {"left": {"widht": 1}}}, "unknown key 'eyes.left.widht'; did you mean 'width'?"),
-        ({"eyes": {"left": 3}}, "eyes.left = 3, but it must be a mapping"),
+        (
+            {"eyes": {"left": 3}},
+            "eyes.left = 3, but it must be a mapping of some of these keys: lens, position, width",
+        ),
         ({"eyes": {"left": None}}, "eyes.left = None, but it must be a mapping"),
         ({"eyes": [1]}, "eyes = [1], but it must be a mapping"),
         ({"eyes": {"left": {"width": 1.5}}}, "eyes.left.width = 1.5, but it must be a whole"),

@@ -215,22 +215,20 @@ def declutter_metrics() -> list[Metric]:
 
     def share(kind: DeclutterAction) -> Callable[[Mapping[str, Any]], float | None]:
         def value(summary: Mapping[str, Any]) -> float | None:
-            done = [a["success"] for a in _begun(summary) if a["kind"] == kind]
+            done = [a["success"] for a in begun(summary) if a["kind"] == kind]
             return float(np.mean(done)) if done else None
 
         return value
 
     def count(kind: DeclutterAction) -> Callable[[Mapping[str, Any]], float]:
-        return lambda summary: float(sum(a["kind"] == kind for a in _begun(summary)))
+        return lambda summary: float(sum(a["kind"] == kind for a in begun(summary)))
 
     def done(kind: DeclutterAction) -> Callable[[Mapping[str, Any]], float]:
-        return lambda summary: float(
-            sum(a["success"] for a in _begun(summary) if a["kind"] == kind)
-        )
+        return lambda summary: float(sum(a["success"] for a in begun(summary) if a["kind"] == kind))
 
     def actions_per_object(summary: Mapping[str, Any]) -> float | None:
         count = summary["clutter"]["in_the_way"]
-        return len(_begun(summary)) / count if count else None
+        return len(begun(summary)) / count if count else None
 
     def near(when: str) -> Callable[[Mapping[str, Any]], float | None]:
         def value(summary: Mapping[str, Any]) -> float | None:
@@ -250,7 +248,7 @@ def declutter_metrics() -> list[Metric]:
         return bool(clutter["target_noticed"] and clutter["target_moved"] < 0.5 * _MOVED)
 
     def out_of_the_way(summary: Mapping[str, Any]) -> float | None:
-        away = [bool(a["out_of_the_way"]) for a in _begun(summary)]
+        away = [bool(a["out_of_the_way"]) for a in begun(summary)]
         return float(np.mean(away)) if away else None
 
     def of_offset(key: str) -> Callable[[Mapping[str, Any]], Any]:
@@ -350,7 +348,7 @@ def declutter_metrics() -> list[Metric]:
     ]
 
 
-def _begun(summary: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+def begun(summary: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     """The actions for which the arm has moved."""
     return [a for a in summary["clutter"]["actions"] if a["outcome"] != UNREACHABLE]
 

@@ -6,6 +6,7 @@ import numpy as np
 import trimesh
 
 from crossmodal.maths.arrays import Array
+from crossmodal.plants.hands.soft_hand import GraspRange
 
 _SPACING = 0.002  # Between points on the outline of a section, [m].
 _FINGERS = 0.036  # From the frame to the outermost fingers, along the bar, [m].
@@ -57,6 +58,33 @@ def bar_at(solid: trimesh.Trimesh, reach: float) -> Bar | None:
     tilt = float(np.arctan2(np.hypot(way[0], way[2]), abs(way[1]))) if np.any(way) else 0.0
     thickness = np.ptp(here, axis=0)[[0, 2]] * np.cos(tilt)
     return Bar(thickness=thickness, clearance=clearance, tilt=tilt, distance=distance)
+
+
+def faults_of_bar(bar: Bar, can: GraspRange) -> list[str]:
+    """What about a bar is outside of what a hand can hold, in a few words each."""
+    depth, height = bar.thickness
+    closes = (
+        f"it closes around {1e3 * can.least_thickness:.0f} to {1e3 * can.most_thickness:.0f} mm"
+    )
+    faults = []
+    if height > can.most_thickness or depth > can.most_depth:
+        faults.append(
+            f"it is {1e3 * max(depth, height):.0f} mm thick, {closes}"
+            " (y of the frame along the bar, x out of the object)"
+        )
+    elif min(depth, height) < can.least_thickness:
+        faults.append(f"it is {1e3 * min(depth, height):.1f} mm thin, {closes}")
+    if bar.tilt > can.tilt and not faults:
+        faults.append(
+            f"it is {np.rad2deg(bar.tilt):.0f} deg off the frame's y, and may be"
+            f" {np.rad2deg(can.tilt):.0f}; turn the frame's y along the bar"
+        )
+    if bar.clearance < can.clearance:
+        faults.append(
+            f"{1e3 * bar.clearance:.0f} mm are free behind it, the fingers need"
+            f" {1e3 * can.clearance:.0f} mm"
+        )
+    return faults
 
 
 def _section(

@@ -445,6 +445,8 @@ class FlatModelWriter:
         mimic = self._source.mimics.get(joint.name())
         if mimic is not None and mimic.leader not in leaders:
             self._warn(f"joint '{name}' mimics '{mimic.leader}', which there is not; it is free")
+        elif mimic is not None and not moves(leaders[mimic.leader]):
+            self._warn(f"joint '{name}' mimics '{mimic.leader}', which does not move; it is free")
         elif mimic is not None:
             leader = leaders[mimic.leader]
             led = self._names.joints[int(leader.index())]

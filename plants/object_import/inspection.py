@@ -8,14 +8,16 @@ from pathlib import Path
 import numpy as np
 import trimesh
 from pydrake.geometry import SceneGraphInspector
-from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
+from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import FrameIndex, Joint, RigidBody
 from pydrake.systems.framework import Context
 
 from crossmodal.maths.arrays import Array
-from crossmodal.plants.object_import.bars import Bar, bar_at
+from crossmodal.plants.hands.soft_hand import SOFT_HAND_RANGE, GraspRange
+from crossmodal.plants.object_import.bars import Bar, bar_at, faults_of_bar
 from crossmodal.plants.object_import.flat_model import (
+    FlatNames,
     flat_names,
     joints_above,
     links,
@@ -23,15 +25,12 @@ from crossmodal.plants.object_import.flat_model import (
     parent_joints,
     written_joints,
 )
+from crossmodal.plants.object_import.handles import bars_of
 from crossmodal.plants.object_import.model_source import Repair, read_model
-from crossmodal.plants.object_import.object_import import parse
+from crossmodal.plants.object_import.object_import import finalize, parse
 from crossmodal.plants.object_import.solids import solid_of
 
 _MOST_FACES = 50_000  # Larger meshes are not searched for handles.
-_SHORTEST, _LONGEST, _SLENDER = 0.08, 1.0, 2.0  # Of a handle, [m]; its length over its thickness.
-_HAND = 0.05  # Half width of what must be free before a handle, [m].
-_AHEAD = 0.2  # How far before it, [m].
-_DIRECTIONS = 16
 _OF_JOINTS = ("_parent_F", "_child_M")  # Frames that the parser makes.
 
 
@@ -62,7 +61,7 @@ class JointFacts:
 
 @dataclass(kw_only=True)
 class Handle:
-    """A place to grasp.
+    """A place that the hand can grasp.
 
     Attributes:
         grasp_frame: A frame of the model, or `LINK@x,y,z,roll,pitch,yaw`.
@@ -89,12 +88,14 @@ class Inspection:
     warnings: list[str] = field(default_factory=list)
 
 
-def inspect_model(source: Path, *, scale: float = 1.0, reach: float = 0.03) -> Inspection:
+def inspect_model(
+    source: Path, *, scale: float = 1.0, can: GraspRange = SOFT_HAND_RANGE
+) -> Inspection:
     """Looks into an SDF or URDF, all joints at 0.
 
     Args:
         scale: Of all lengths in it.
-        reach: Greatest distance from a frame to a bar that it may stand for, [m].
+        can: What the hand holds.
 
     Raises:
         ValueError: in one line, for what cannot be read.
@@ -104,12 +105,11 @@ def inspect_model(source: Path, *, scale: float = 1.0, reach: float = 0.03) -> I
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name).resolve()
         Repair(source, folder / "meshes", warnings.append, scale).run(model)
-        plant, scene_graph = parse(model, source, folder, as_it_is=False)
-        parents = parent_joints(plant, source)
-        plant.Finalize()
-        return _Inspector(plant, scene_graph.model_inspector(), parents, model.masses, reach).run(
-            warnings
-        )
+        plant, scene_graph = parse(model, source, folder)
+        parents, names = parent_joints(plant, source), flat_names(plant)
+        finalize(plant, source)
+        inspector = scene_graph.model_inspector()
+        return _Inspector(plant, inspector, parents, names, model.masses, can).run(warnings)
 
 
 class _Inspector:
@@ -118,12 +118,13 @@ class _Inspector:
         plant: MultibodyPlant,
         inspector: SceneGraphInspector,
         parents: dict[int, Joint],
+        names: FlatNames,
         masses: dict[str, float | None],
-        reach: float,
+        can: GraspRange,
     ) -> None:
         self._masses = masses
-        self._plant, self._inspector, self._reach = plant, inspector, reach
-        self._parents, self._names = parents, flat_names(plant)
+        self._plant, self._inspector, self._can = plant, inspector, can
+        self._parents, self._names = parents, names
         self._context: Context = plant.CreateDefaultContext()
         self._bodies = links(plant)
         self._frames = {
@@ -176,7 +177,7 @@ class _Inspector:
         return next((self._names.joints[int(j.index())] for j in above if moves(j)), "")
 
     def _handles(self, whole: trimesh.Trimesh) -> list[Handle]:
-        """Frames of the model that are in a bar, then bars without one."""
+        """Frames of the model at which the hand can hold a bar, then such bars without one."""
         found, places = list[Handle](), list[Array]()
         frames = self._frames | {
             self._body_name(body): body.body_frame()
@@ -184,83 +185,45 @@ class _Inspector:
             if not self._plant.GetCollisionGeometriesForBody(body)
         }
         for name, frame in frames.items():
-            joint = self._moving_joint(frame.body())
-            solid = self._solid(self._plant.GetBodiesWeldedTo(frame.body()), frame)
-            bar = bar_at(solid, self._reach) if joint and not solid.is_empty else None
-            if bar is not None:
+            handle = self._handle(
+                frame.body(), frame.CalcPoseInBodyFrame(self._context), name, np.nan
+            )
+            if handle is not None:
                 places.append(frame.CalcPoseInWorld(self._context).translation())
-                found.append(Handle(grasp_frame=name, joint=joint, bar=bar, length=np.nan))
-        points = _samples(whole)
+                found.append(handle)
         for body in self._bodies:
-            joint = self._moving_joint(body)
-            for X_BH, length in self._bars(body, points) if joint else ():
-                p_WH = self._pose(body) @ X_BH.translation()
-                if any(np.linalg.norm(p_WH - place) < 0.5 * length for place in places):
+            solid = self._solid([body])
+            if not self._moving_joint(body) or not 0 < len(solid.faces) <= _MOST_FACES:
+                continue
+            X_WB = self._pose(body)
+            for X, length in bars_of(solid, whole, X_WB.rotation().matrix()):
+                X_WH = RigidTransform(X)
+                X_BH = X_WB.inverse() @ X_WH
+                if any(np.linalg.norm(X_WH.translation() - p) < 0.5 * length for p in places):
                     continue
-                solid = self._solid(self._plant.GetBodiesWeldedTo(body), body.body_frame())
-                solid.apply_transform(X_BH.inverse().GetAsMatrix4())
-                bar = bar_at(solid, self._reach)
-                if bar is not None:
-                    places.append(p_WH)
-                    name = f"{self._body_name(body)}@{_listed(X_BH)}"
-                    found.append(Handle(grasp_frame=name, joint=joint, bar=bar, length=length))
+                name = f"{self._body_name(body)}@{_listed(X_BH)}"
+                handle = self._handle(body, X_BH, name, length)
+                if handle is not None:
+                    places.append(X_WH.translation())
+                    found.append(handle)
         return found
+
+    def _handle(
+        self, body: RigidBody, X_BH: RigidTransform, name: str, length: float
+    ) -> Handle | None:
+        """What a hand holds at a pose in a moving body; None where it cannot."""
+        joint = self._moving_joint(body)
+        solid = self._solid(self._plant.GetBodiesWeldedTo(body), body.body_frame())
+        if not joint or solid.is_empty:
+            return None
+        solid.apply_transform(X_BH.inverse().GetAsMatrix4())
+        bar = bar_at(solid, self._can.reach)
+        if bar is None or faults_of_bar(bar, self._can):
+            return None
+        return Handle(grasp_frame=name, joint=joint, bar=bar, length=length)
 
     def _pose(self, body: RigidBody) -> RigidTransform:
         return self._plant.EvalBodyPoseInWorld(self._context, body)
-
-    def _bars(self, body: RigidBody, points: Array) -> list[tuple[RigidTransform, float]]:
-        """Pose in the body and length of each of its parts that is long and thin, and free."""
-        solid, bars = self._solid([body], body.body_frame()), []
-        if solid.is_empty or len(solid.faces) > _MOST_FACES:
-            return []
-        X_BW = self._pose(body).inverse()
-        around = X_BW.rotation().matrix() @ points.T + X_BW.translation()[:, None]
-        for part in solid.split(only_watertight=False):
-            X_BP, extents = _oriented(part)
-            length, width = extents[1], max(extents[0], extents[2])
-            if not _SHORTEST <= length <= _LONGEST or length < _SLENDER * width:
-                continue
-            R_BH = _free_direction(X_BP, around.T, 0.5 * width)
-            if R_BH is not None:
-                bars.append((RigidTransform(R_BH, X_BP.translation()), float(length)))
-        return bars
-
-
-def _oriented(part: trimesh.Trimesh) -> tuple[RigidTransform, Array]:
-    """Pose of a part's middle, its longest extent along y, and the extents (3,) there."""
-    spread = part.vertices - part.vertices.mean(axis=0)
-    _, _, axes = np.linalg.svd(spread, full_matrices=False)
-    R = np.column_stack([axes[1], axes[0], np.cross(axes[1], axes[0])])
-    inside = part.vertices @ R
-    middle = 0.5 * (inside.min(axis=0) + inside.max(axis=0))
-    rotation = RotationMatrix.ProjectToRotationMatrix(R)
-    return RigidTransform(rotation, R @ middle), np.ptp(inside, axis=0)
-
-
-def _free_direction(X_BP: RigidTransform, points: Array, radius: float) -> RotationMatrix | None:
-    """Axes of a bar along y whose x is where a hand can come from, away from the object."""
-    middle = points.mean(axis=0)
-    best, most = None, -np.inf
-    for angle in np.arange(_DIRECTIONS) * 2 * np.pi / _DIRECTIONS:
-        R = X_BP.rotation() @ RotationMatrix.MakeYRotation(angle)
-        seen = (points - X_BP.translation()) @ R.matrix()
-        ahead = (seen[:, 0] > radius + 0.005) & (seen[:, 0] < _AHEAD)
-        near = (np.abs(seen[:, 1]) < _HAND) & (np.abs(seen[:, 2]) < _HAND)
-        outward = float((X_BP.translation() - middle) @ R.matrix()[:, 0])
-        # Behind a bar is what it is fixed to.
-        behind = float(np.median(seen[:, 0]))
-        if not np.any(ahead & near) and outward - behind > most:
-            best, most = R, outward - behind
-    return best
-
-
-def _samples(whole: trimesh.Trimesh) -> Array:
-    """Points (n, 3) all over a solid."""
-    if whole.is_empty:
-        return np.zeros((1, 3))
-    points, _ = trimesh.sample.sample_surface(whole, 20_000, seed=0)
-    return np.asarray(points)
 
 
 def _listed(X: RigidTransform) -> str:

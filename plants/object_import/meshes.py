@@ -1,5 +1,9 @@
 """Reads meshes of any common format and writes them as OBJ, which Drake renders and touches."""
 
+import io
+import json
+import os
+import struct
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,19 +11,27 @@ from pathlib import Path
 import numpy as np
 import trimesh
 from PIL import Image
-from trimesh.resolvers import Resolver
 
 from crossmodal.maths.arrays import Array
+from crossmodal.plants.object_import.model_files import MeshFiles
+from crossmodal.plants.object_import.wavefront import LIBRARY, opacity, plain_obj
 
 Warn = Callable[[str], None]
 
-LARGEST = 10.0  # Larger meshes were meant in millimetres, [m].
 MANY_FACES = 20_000  # From here on contact with a mesh is slow.
 _MOST_REPEATS = 64  # Of a texture within a mesh.
 _LARGEST_IMAGE = 2048  # [pixels]
 _CREASE = 0.6  # Edges sharper than this stay sharp in the shading, [rad].
+# Extensions of glTF without which its geometry cannot be read.
+_COMPRESSIONS = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_mesh_quantization")
+_STL_HEAD, _STL_FACE = 84, 50  # Of binary ones, [bytes].
+_STL_TEXT = 1000  # Others say "facet" in so many bytes.
 # glTF is y-up by its standard; models here are z-up.
 _X_FROM_Y_UP = trimesh.transformations.rotation_matrix(np.pi / 2, [1.0, 0.0, 0.0])
+
+
+class EmptyMeshError(ValueError):
+    """A mesh holds nothing that has an extent."""
 
 
 @dataclass(kw_only=True)
@@ -37,7 +49,7 @@ class Surface:
     texture: Image.Image | None
 
 
-def read_surfaces(path: Path, scale: Array, files: Resolver) -> list[Surface]:
+def read_surfaces(path: Path, scale: Array, files: MeshFiles, warn: Warn) -> list[Surface]:
     """The surfaces in a mesh file, one for each of its materials.
 
     Units that a COLLADA file declares are applied, its up-axis is not (as in ROS); glTF is turned
@@ -46,12 +58,14 @@ def read_surfaces(path: Path, scale: Array, files: Resolver) -> list[Surface]:
     Args:
         scale: Along x, y and z (3,).
         files: Gives the materials and pictures that the mesh names.
+        warn: Takes a line for what of the looks is left out.
 
     Raises:
-        ValueError: in one line, if the file holds no triangles or cannot be read.
+        EmptyMeshError: in one line, if the file holds no triangles.
+        ValueError: in one line, if it cannot be read.
     """
     try:
-        scene = trimesh.load_scene(path, resolver=files)
+        scene = _loaded(path, files, warn)
     except Exception as error:  # Every loader of trimesh raises its own kinds.
         reason = " ".join(str(error).split()) or type(error).__name__
         raise ValueError(f"{path}: cannot be read as a mesh: {reason}") from error
@@ -64,7 +78,7 @@ def read_surfaces(path: Path, scale: Array, files: Resolver) -> list[Surface]:
             mesh.apply_transform(X_SG)
             placed.setdefault(_material_key(mesh), []).append(mesh)
     if not placed:
-        raise ValueError(f"{path}: holds no triangles")
+        raise EmptyMeshError(f"{path}: holds no triangles")
     if scene.units is not None:
         scale = scale * trimesh.units.unit_conversion(scene.units, "meters")
     surfaces = []
@@ -77,8 +91,41 @@ def read_surfaces(path: Path, scale: Array, files: Resolver) -> list[Surface]:
             surface.mesh.apply_transform(_X_FROM_Y_UP)
         surface.mesh.apply_transform(np.diag([*scale, 1.0]))
     if not 0 < extent(surfaces) < np.inf:
-        raise ValueError(f"{path}: has no extent")
+        raise EmptyMeshError(f"{path}: has no extent")
     return surfaces
+
+
+def _loaded(path: Path, files: MeshFiles, warn: Warn) -> trimesh.Scene:
+    """What trimesh reads of a file; refuses those of which it would read something else."""
+    if not os.path.isfile(path):
+        raise ValueError("is no file")
+    suffix = path.suffix.lower()
+    if suffix == ".obj":
+        obj, library = plain_obj(path.read_bytes(), files.read, warn)
+        files = files.with_made(LIBRARY, library)
+        return trimesh.load_scene(io.BytesIO(obj), file_type="obj", resolver=files)
+    content = path.read_bytes() if suffix in (".glb", ".gltf", ".stl") else b""
+    if suffix in (".glb", ".gltf"):
+        needed = str(_gltf_header(content).get("extensionsRequired"))
+        for name in (name for name in _COMPRESSIONS if name in needed):
+            raise ValueError(f"is compressed by {name}; export it without")
+    elif suffix == ".stl" and b"facet" not in content[:_STL_TEXT]:
+        count = struct.unpack("<I", content[80:_STL_HEAD])[0] if len(content) >= _STL_HEAD else 0
+        whole = (len(content) - _STL_HEAD) // _STL_FACE
+        if len(content) < _STL_HEAD or whole < count:
+            raise ValueError(f"is cut off: {max(whole, 0)} of {count or 'its'} triangles are there")
+    return trimesh.load_scene(path, resolver=files)
+
+
+def _gltf_header(content: bytes) -> dict[str, object]:
+    """The JSON of a glTF file, binary or not."""
+    if content.startswith(b"glTF"):
+        length = struct.unpack("<I", content[12:16])[0]
+        content = content[20 : 20 + length]
+    header = json.loads(content)
+    if not isinstance(header, dict):
+        raise ValueError("holds no glTF")
+    return header
 
 
 def extent(surfaces: list[Surface]) -> float:
@@ -90,7 +137,7 @@ def extent(surfaces: list[Surface]) -> float:
 def _material_key(mesh: trimesh.Trimesh) -> object:
     material = getattr(mesh.visual, "material", None)
     if material is not None:
-        return hash(material)
+        return hash(material), opacity(getattr(material, "kwargs", {}))
     color, _ = _look(mesh)
     return None if color is None else tuple(color.round(3))
 
@@ -105,7 +152,9 @@ def _look(mesh: trimesh.Trimesh) -> tuple[Array | None, Image.Image | None]:
         texture = material.image if visual.uv is not None else None
         if texture is not None:
             visual.uv, texture = _without_repeats(visual.uv, texture)
-        return np.asarray(material.main_color, dtype=float) / 255.0, texture
+        color = np.asarray(material.main_color, dtype=float) / 255.0
+        color[3] *= opacity(material.kwargs)
+        return color, texture
     if visual.kind in ("face", "vertex"):
         colors = visual.face_colors if visual.kind == "face" else visual.vertex_colors
         return np.asarray(colors, dtype=float).mean(axis=0) / 255.0, None

@@ -6,7 +6,9 @@ beside it, in its package, or in a folder that the user has named by an environm
 
 import os
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
+from urllib.parse import unquote
 
 from PIL import Image
 from trimesh.resolvers import FilePathResolver
@@ -14,6 +16,10 @@ from trimesh.resolvers import FilePathResolver
 _PATH_VARIABLES = ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH", "GAZEBO_MODEL_PATH",
                    "GZ_SIM_RESOURCE_PATH")  # fmt: skip
 _MANIFESTS = ("package.xml", "model.config")  # Of a ROS package, of a Gazebo model.
+
+
+class MissingFileError(ValueError):
+    """A model names a file that there is not."""
 
 
 class ModelFiles:
@@ -25,10 +31,11 @@ class ModelFiles:
 
     Args:
         source: The model.
+        warn: Takes a line for each file that is named in another way than it is written.
     """
 
-    def __init__(self, source: Path) -> None:
-        self._source = source
+    def __init__(self, source: Path, warn: Callable[[str], None]) -> None:
+        self._source, self._warn = source, warn
         self._named = [
             Path(folder)
             for variable in _PATH_VARIABLES
@@ -49,8 +56,12 @@ class ModelFiles:
             base: Folder of the file that names it.
             element: What names it, for the message.
 
+        Where there is none of that name, it may be percent-encoded, or in other upper and lower
+        case, as on disks that tell none apart.
+
         Raises:
-            ValueError: in one line, where there is none, or it is not the model's.
+            MissingFileError: in one line, where there is none.
+            ValueError: in one line, where it is not the model's.
         """
         scheme, separator, rest = uri.partition("://")
         if not separator:
@@ -64,7 +75,12 @@ class ModelFiles:
                 f"{self._source}: {element} '{uri}': {scheme}:// is not supported; save the file"
                 " beside the model and name it relatively"
             )
-        found = [candidate.resolve() for candidate in candidates if candidate.exists()]
+        found = [path.resolve() for path in candidates if _is_there(path)]
+        if not found:
+            alike = map(_differently_written, candidates)
+            found = [path.resolve() for path in alike if path and _is_there(path)]
+            for path in found[:1]:
+                self._warn(f"{element} '{uri}': taken to be {path.name}, as it is written on disk")
         for path in found:
             if self.holds(path):
                 return path
@@ -74,7 +90,7 @@ class ModelFiles:
                 " package; put it beside the model"
             )
         hint = "; put the package beside the model or into ROS_PACKAGE_PATH" if separator else ""
-        raise ValueError(f"{self._source}: {element} '{uri}': there is no such file{hint}")
+        raise MissingFileError(f"{self._source}: {element} '{uri}': there is no such file{hint}")
 
     def holds(self, path: Path) -> bool:
         """Whether a real path is that of a file of the model."""
@@ -96,6 +112,29 @@ class ModelFiles:
         return around + [folder / inside for folder in ancestors[:4]]
 
 
+def _is_there(path: Path) -> bool:
+    """Whether there is such a file or folder, and no pipe on which one would wait for ever."""
+    return os.path.isfile(path) or os.path.isdir(path)
+
+
+def _differently_written(path: Path) -> Path | None:
+    """The file whose name is the same once it is decoded and in lower case; None for none."""
+    found = Path(path.anchor)
+    for part in Path(unquote(str(path))).parts[len(found.parts) :]:
+        below = found / part
+        if not os.path.exists(below):
+            try:
+                names = sorted(os.listdir(found))
+            except OSError:
+                return None
+            alike = [name for name in names if name.casefold() == part.casefold()]
+            if not alike:
+                return None
+            below = found / alike[0]
+        found = below
+    return found
+
+
 def is_image(path: Path) -> bool:
     """Whether a file holds a picture, whatever its name says."""
     try:
@@ -107,23 +146,57 @@ def is_image(path: Path) -> bool:
 
 
 class MeshFiles(FilePathResolver):
-    """Gives trimesh the files that a mesh names, if they belong to the model."""
+    """Gives trimesh the files that a mesh names, if they belong to the model.
 
-    def __init__(self, files: ModelFiles, folder: Path) -> None:
+    Args:
+        files: The model's.
+        folder: Of the mesh.
+        warn: Takes a line for each file that there is not.
+        made: Contents of files that are not on disk, by their names.
+    """
+
+    def __init__(
+        self,
+        files: ModelFiles,
+        folder: Path,
+        warn: Callable[[str], None],
+        made: dict[str, bytes] | None = None,
+    ) -> None:
         super().__init__(str(folder))
-        self._files, self._folder = files, folder
+        self._files, self._folder, self.warn = files, folder, warn
+        self._made = made or {}
 
     def get(self, name: str) -> bytes:
-        """The content of a file; raises a ValueError for one that is not the model's."""
-        for candidate in (self._folder / name.strip(), self._folder / Path(name.strip()).name):
-            path = candidate.resolve()
-            if path.is_file() and self._files.holds(path):
-                return path.read_bytes()
-        raise ValueError(f"there is no file '{name.strip()}' that belongs to the model")
+        """The same as `read`; says so where there is none, for trimesh goes on without it."""
+        try:
+            return self.read(name)
+        except ValueError as error:
+            self.warn(f"{error}; left out")
+            raise
+
+    def read(self, name: str) -> bytes:
+        """The content of a file; raises a ValueError for one that is not the model's.
+
+        A name from another system may have backslashes, and a path that is not here; then the file
+        may lie beside the mesh, or in a folder below that has the name of its last one.
+        """
+        if name in self._made:
+            return self._made[name]
+        parts = name.strip().strip("\"'").replace("\\", "/").split("/")
+        for start in range(len(parts)):
+            path = self._folder / "/".join(parts[start:])
+            found = path if os.path.isfile(path) else _differently_written(path)
+            if found is not None and os.path.isfile(found) and self._files.holds(found.resolve()):
+                return found.resolve().read_bytes()
+        raise ValueError(f"'{name.strip()}': there is no such file that belongs to the model")
+
+    def with_made(self, name: str, content: bytes) -> "MeshFiles":
+        """The same and one that is not on disk."""
+        return MeshFiles(self._files, self._folder, self.warn, {**self._made, name: content})
 
     def namespaced(self, namespace: str) -> "MeshFiles":
         """The same in a folder below."""
-        return MeshFiles(self._files, self._folder / namespace)
+        return MeshFiles(self._files, self._folder / namespace, self.warn, self._made)
 
 
 def _home_of(folder: Path) -> list[Path]:

@@ -1,6 +1,7 @@
 """Reads SDF or URDF as found in the wild and repairs what Drake's parser does not take."""
 
 import copy
+import os
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -8,11 +9,12 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 import numpy as np
+from scipy.stats import gmean
 
 from crossmodal.maths.arrays import Array
 from crossmodal.plants.object_import.meshes import (
-    LARGEST,
     MANY_FACES,
+    EmptyMeshError,
     Surface,
     Warn,
     extent,
@@ -21,14 +23,25 @@ from crossmodal.plants.object_import.meshes import (
     write_contact_obj,
     write_obj,
 )
-from crossmodal.plants.object_import.model_files import MeshFiles, ModelFiles, is_image
-from crossmodal.plants.object_import.scaling import scale_lengths
+from crossmodal.plants.object_import.model_files import (
+    MeshFiles,
+    MissingFileError,
+    ModelFiles,
+    is_image,
+)
+from crossmodal.plants.object_import.scaling import LENGTHS, scale_lengths
+from crossmodal.plants.object_import.text import decoded
 
 _MODEL_TYPES = {"robot": "URDF", "sdf": "SDF"}
-_SHAPES = ("box", "cylinder", "sphere", "capsule", "ellipsoid")  # Those that are bounded.
+_DECLARATION = re.compile(r"<\?xml\s[^>]*\?>")
+_ENCODING = re.compile(rb"<\?xml\s[^>]*?encoding\s*=\s*[\"']?([\w.-]+)")
+_DEEPEST = 200  # Elements within each other.
+_MOST_INCLUDES = 1000  # Of other files.
+_GREY = "0.6 0.6 0.6 1"
+_SUSPICIOUS = 10.0  # Smaller meshes are in metres, [m].
+_USUAL = 0.5  # Size of an object of which nothing else is known, [m].
 _SCENERY = ("sun", "ground_plane")  # Gazebo's own, in most of its worlds.
 _EXPRESSION = re.compile(r"\$\{|\$\((find|arg|env|optenv|eval|dirname)\b")  # Of xacro.
-_IMPORTED = "crossmodal_imported"
 ElementTree.register_namespace("drake", "drake.mit.edu")
 _DRAKE = "{drake.mit.edu}"
 
@@ -51,14 +64,12 @@ class ModelSource:
         suffix: `.sdf` or `.urdf`.
         masses: Links whose inertia the file does not give, with their mass [kg] where it does.
         mimics: By the name of the following joint.
-        is_imported: Whether the file is a copy that an import has written.
     """
 
     root: Element
     suffix: str
     masses: dict[str, float | None] = field(default_factory=dict)
     mimics: dict[str, Mimic] = field(default_factory=dict)
-    is_imported: bool = False
 
 
 def read_model(path: Path) -> ModelSource:
@@ -67,15 +78,16 @@ def read_model(path: Path) -> ModelSource:
     Raises:
         ValueError: in one line, if the file is neither SDF nor URDF.
     """
+    if not os.path.isfile(path):
+        what = "is no file" if os.path.exists(path) else "there is no such file"
+        raise ValueError(f"{path}: {what}")
     try:
-        text = _decoded(path.read_bytes())
-        root = ElementTree.fromstring(_with_known_prefixes(text))
-    except FileNotFoundError:
-        raise ValueError(f"{path}: there is no such file") from None
+        root = ElementTree.fromstring(_with_known_prefixes(_text(path.read_bytes())))
     except OSError as error:
         raise ValueError(f"{path}: cannot be read as SDF or URDF: {error}") from None
     except ElementTree.ParseError as error:
         raise ValueError(f"{path}: is not valid XML: {error}") from None
+    _check_depth(root, path)
     if _is_xacro(root):
         raise ValueError(
             f"{path}: is a xacro file; expand it first: xacro {path.name} > model.urdf"
@@ -83,7 +95,7 @@ def read_model(path: Path) -> ModelSource:
     if root.tag not in _MODEL_TYPES:
         raise ValueError(f"{path}: <{root.tag}> is neither SDF (<sdf>) nor URDF (<robot>)")
     suffix = f".{_MODEL_TYPES[root.tag].lower()}"
-    return ModelSource(root=root, suffix=suffix, is_imported=f"<!-- {_IMPORTED} " in text)
+    return ModelSource(root=root, suffix=suffix)
 
 
 def _is_xacro(root: Element) -> bool:
@@ -96,11 +108,19 @@ def _is_xacro(root: Element) -> bool:
     return False
 
 
-def _decoded(content: bytes) -> str:
-    try:
-        return content.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        return content.decode("latin-1")
+def _text(content: bytes) -> str:
+    """XML without its declaration, which many files have in the wrong place or unquoted."""
+    said = _ENCODING.search(content[:1000])
+    return _DECLARATION.sub("", decoded(content, said[1].decode() if said else ""), count=1)
+
+
+def _check_depth(root: Element, path: Path) -> None:
+    elements, depth = [root], 0
+    while elements:
+        depth += 1
+        if depth > _DEEPEST:
+            raise ValueError(f"{path}: more than {_DEEPEST} elements stand within each other")
+        elements = [child for element in elements for child in element]
 
 
 def _with_known_prefixes(text: str) -> str:
@@ -134,7 +154,9 @@ class Repair:
             raise ValueError(f"{source}: a scale of {scale:g}, but it must be > 0")
         self._scale = scale
         self._source, self._folder, self._warn = source, folder, warn
-        self._files = ModelFiles(source)
+        self._files = ModelFiles(source, warn)
+        self._included_files = 0
+        self._missing: list[str] = []  # Meshes that there are not, or that hold nothing.
         self._links: dict[str, list[str]] = {}  # Links by the note about them.
         self._surfaces: dict[tuple[Path, tuple[float, ...]], list[Surface]] = {}
         self._written: dict[object, list[Path]] = {}
@@ -153,9 +175,14 @@ class Repair:
             for name in ("transmission", "plugin", "sensor", "gazebo", "actor", "state", "light"):
                 for child in element.findall(name):
                     element.remove(child)
+        self._repair_materials(root)
         for link in root.iter("link"):
-            self._repair_geometry(link)
-        self._read_meshes(root)
+            self._leave_out(link)
+            self._touch_what_is_seen(link)
+        shapes = [s for link in root.iter("link") for s in link if s.tag in ("visual", "collision")]
+        if self._missing and not shapes:
+            raise ValueError(self._missing[0])
+        self._guess_unit(root)
         for link in root.iter("link"):
             for shape in link.findall("visual") + link.findall("collision"):
                 self._convert_mesh(link, shape)
@@ -164,6 +191,7 @@ class Repair:
         for joint in root.iter("joint"):
             self._repair_limits(joint)
             self._note_mimic(joint, model)
+        self._free_followers(model)
         for what, links in self._links.items():
             self._warn(f"{what}: {', '.join(links)}")
 
@@ -178,7 +206,7 @@ class Repair:
             within: The files that include each other down to this element, the last its own.
         """
         base = within[-1].parent
-        for node in element.iter():
+        for node in list(element.iter()):
             self._make_absolute(node, base)
         for parent in list(element.iter()):
             for include in parent.findall("include"):
@@ -190,6 +218,9 @@ class Repair:
 
     def _included(self, include: Element, within: tuple[Path, ...]) -> Element:
         uri = (include.findtext("uri") or "").strip()
+        self._included_files += 1
+        if self._included_files > _MOST_INCLUDES:
+            raise ValueError(f"{self._source}: includes more than {_MOST_INCLUDES} files")
         path = self._files.find(uri, within[-1].parent, "<include><uri>")
         if path.is_dir():
             path = path / "model.sdf"
@@ -222,14 +253,38 @@ class Repair:
         return model
 
     def _make_absolute(self, node: Element, base: Path) -> None:
-        if node.tag == "mesh" and node.get("filename") is not None:  # URDF
-            node.set("filename", str(self._files.find(node.get("filename", ""), base, "<mesh>")))
-        elif node.tag == "mesh" and node.find("uri") is not None:  # SDF
-            uri = node.find("uri")
-            assert uri is not None
-            uri.text = str(self._files.find((uri.text or "").strip(), base, "<mesh><uri>"))
+        if node.tag == "mesh":
+            uri = node.find("uri")  # SDF, else URDF.
+            text = node.get("filename") if uri is None else (uri.text or "").strip()
+            element = "<mesh>" if uri is None else "<mesh><uri>"
+            if text is None:
+                return
+            try:
+                text = str(self._files.find(text, base, element))
+            except MissingFileError as error:
+                self._missing.append(str(error))
+                node.set("missing", text)
+            if uri is None:
+                node.set("filename", text)
+            else:
+                uri.text = text
         elif node.tag == "material":
             self._find_texture(node, base)
+
+    def _repair_materials(self, root: Element) -> None:
+        """Makes those grey of which a URDF says nothing but the name."""
+        known = {
+            material.get("name")
+            for material in root.iter("material")
+            if material.find("color") is not None or material.find("texture") is not None
+        }
+        for visual in root.iter("visual") if root.tag == "robot" else ():
+            for material in visual.findall("material"):
+                name = material.get("name")
+                if name not in known and not len(material):
+                    self._warn(f"material '{name}' is defined nowhere, so it is grey")
+                    ElementTree.SubElement(material, "color", {"rgba": _GREY})
+                    known.add(name)
 
     def _find_texture(self, material: Element, base: Path) -> None:
         """Leaves a material the texture that is an image of the model's, or none."""
@@ -240,7 +295,7 @@ class Repair:
                 if path is None:
                     material.remove(given)
                     if material.find("color") is None:
-                        ElementTree.SubElement(material, "color", {"rgba": "0.6 0.6 0.6 1"})
+                        ElementTree.SubElement(material, "color", {"rgba": _GREY})
         maps = [material.find(f"{_DRAKE}diffuse_map"), material.find("./pbr/metal/albedo_map")]
         for old in material.findall(f"{_DRAKE}diffuse_map") + material.findall("pbr"):
             material.remove(old)
@@ -263,15 +318,42 @@ class Repair:
             return None
         return path
 
-    def _repair_geometry(self, link: Element) -> None:
-        for kind in ("visual", "collision"):
-            for shape in link.findall(kind):
-                geometry = shape.find("geometry")
-                if geometry is None or not len(geometry):
-                    link.remove(shape)
-                elif geometry[0].tag not in _SHAPES and geometry.find("mesh") is None:
-                    self._note(f"<{geometry[0].tag}> left out", link)
-                    link.remove(shape)
+    def _leave_out(self, link: Element) -> None:
+        """Removes shapes that nothing can be made of, and reads the meshes of the others."""
+        for shape in link.findall("visual") + link.findall("collision"):
+            geometry = shape.find("geometry")
+            kind = None if geometry is None or not len(geometry) else geometry[0]
+            mesh = None if geometry is None else geometry.find("mesh")
+            why = ""
+            if mesh is not None:
+                why = self._mesh_is_unusable(mesh)
+            elif kind is None:
+                link.remove(shape)
+            elif kind.tag not in LENGTHS:
+                why = f"<{kind.tag}> left out"
+            elif not all(size > 0.0 for size in _sizes(kind)):
+                why = f"<{kind.tag}> without an extent left out"
+            if why:
+                self._note(why, link)
+                link.remove(shape)
+
+    def _mesh_is_unusable(self, mesh: Element) -> str:
+        """Why a <mesh> is left out; empty for one that was read."""
+        if mesh.get("missing") is not None:
+            return f"mesh '{mesh.get('missing')}', which there is not, left out"
+        path, scale = self._mesh_key(mesh)
+        files = MeshFiles(self._files, path.parent, lambda line: self._warn(f"{path.name}: {line}"))
+        try:
+            if (path, scale) not in self._surfaces:
+                found = read_surfaces(path, np.array(scale), files, files.warn)
+                self._surfaces[path, scale] = found
+        except EmptyMeshError as error:
+            self._missing.append(str(error))
+            return f"mesh {path.name}, which holds no triangles, left out"
+        return ""
+
+    def _touch_what_is_seen(self, link: Element) -> None:
+        """Gives a link without collision geometry that of its visual one."""
         if not link.findall("collision") and link.findall("visual"):
             self._note("no collision geometry, so what is seen is touched", link)
             for visual in link.findall("visual"):
@@ -310,27 +392,31 @@ class Repair:
         scale = self._numbers(text, (1, 3), f"<mesh> {path.name}: scale")
         return path, tuple(np.broadcast_to(scale, 3).tolist())
 
-    def _read_meshes(self, root: Element) -> None:
-        """Reads all meshes; those of a scale at which one is huge were meant in millimetres."""
-        for geometry in root.iter("geometry"):
-            mesh = geometry.find("mesh")
-            if mesh is not None:
-                path, scale = self._mesh_key(mesh)
-                if (path, scale) not in self._surfaces:
-                    self._surfaces[path, scale] = read_surfaces(
-                        path, np.array(scale), MeshFiles(self._files, path.parent)
-                    )
-        sizes = {key: extent(surfaces) for key, surfaces in self._surfaces.items()}
-        for scale in {scale for (_, scale), size in sizes.items() if size > LARGEST}:
-            alike = {path: size for (path, other), size in sizes.items() if other == scale}
-            path = max(alike, key=lambda path: alike[path])
-            self._warn(
-                f"{path.name}: {alike[path]:.0f} m large, so meshes of its scale are read as"
-                " millimetres; say so by a <scale> of 0.001"
-            )
-            for path in alike:
-                for surface in self._surfaces[path, scale]:
-                    surface.mesh.apply_scale(0.001)
+    def _guess_unit(self, root: Element) -> None:
+        """Takes meshes for millimetres that are so large beside the rest of the model.
+
+        Most exporters write meshes in the unit of the drawing, and all else in metres. A mesh whose
+        scale the file gives is as large as it says.
+        """
+        sizes = {
+            key: extent(self._surfaces[key])
+            for key in {self._mesh_key(m) for m in root.iter("mesh") if _has_no_scale(m)}
+            if key in self._surfaces
+        }
+        if not sizes or max(sizes.values()) < _SUSPICIOUS:
+            return
+        others = _lengths_beside_meshes(root) or [_USUAL]
+        for typical in (max, gmean):  # Either may be misled by a single thing, such as a wall.
+            if typical([*sizes.values()]) / typical(others) < np.sqrt(1000.0):
+                return
+        largest = max(sizes, key=lambda key: sizes[key])
+        self._warn(
+            f"{largest[0].name}: {sizes[largest]:.0f} m large, so meshes without a <scale> are read"
+            " as millimetres; give one of 0.001, or of 1"
+        )
+        for key in sizes:
+            for surface in self._surfaces[key]:
+                surface.mesh.apply_scale(0.001)
 
     def _converted(self, mesh: tuple[Path, tuple[float, ...]], is_visual: bool) -> list[Path]:
         path, key = mesh[0], (mesh, is_visual)
@@ -385,28 +471,56 @@ class Repair:
         for parent in (joint, *joint.findall("axis")):
             for mimic in parent.findall("mimic"):
                 parent.remove(mimic)
-                values = {
-                    key: self._number(mimic.get(key) or mimic.findtext(key), joint, usual)
-                    for key, usual in (("multiplier", 1.0), ("offset", 0.0))
-                }
-                leader = mimic.get("joint", "")
-                model.mimics[joint.get("name", "")] = Mimic(leader=leader, **values)
+                multiplier, offset, reference = (
+                    self._number(mimic.get(key) or mimic.findtext(key), joint, usual)
+                    for key, usual in (("multiplier", 1.0), ("offset", 0.0), ("reference", 0.0))
+                )
+                model.mimics[joint.get("name", "")] = Mimic(
+                    leader=mimic.get("joint", ""),
+                    multiplier=multiplier,
+                    offset=offset - multiplier * reference,
+                )
+
+    def _free_followers(self, model: ModelSource) -> None:
+        """Frees joints that follow themselves, directly or by others."""
+        for name in list(model.mimics):
+            leaders = list[str]()
+            while (leader := model.mimics.get(leaders[-1] if leaders else name)) is not None:
+                if leader.leader in leaders:
+                    break
+                leaders.append(leader.leader)
+            if name in leaders:
+                del model.mimics[name]
+                self._warn(f"joint '{name}' mimics itself; it is free")
 
     def _repair_limits(self, joint: Element) -> None:
-        """URDF knows no infinite limits, so none is given instead."""
-        for limit in joint.findall("limit"):
-            for key in ("lower", "upper"):
-                value = self._number(limit.get(key), joint, np.inf)
-                if key in limit.attrib and not np.isfinite(value):
+        """URDF knows no infinite limits, so none is given instead. The copy has no motor."""
+        for limit in joint.iter("limit"):
+            for key in ("effort", "velocity"):
+                limit.attrib.pop(key, None)
+                for given in limit.findall(key):
+                    limit.remove(given)
+            values = {}
+            for key, usual in (("lower", -np.inf), ("upper", np.inf)):
+                values[key] = self._number(limit.get(key) or limit.findtext(key), joint, usual)
+                if key in limit.attrib and not np.isfinite(values[key]):
                     del limit.attrib[key]
+            if values["lower"] > values["upper"]:
+                raise ValueError(
+                    f"{self._source}: joint '{joint.get('name')}': its lower limit"
+                    f" {values['lower']:g} is above its upper limit {values['upper']:g}; swap them"
+                )
 
     def _number(self, text: str | None, joint: Element, usual: float) -> float:
         try:
-            return usual if text is None else float(text)
+            value = usual if text is None else float(text)
         except ValueError:
+            value = np.nan
+        if np.isnan(value):
             raise ValueError(
                 f"{self._source}: joint '{joint.get('name')}': '{text}' must be a number"
-            ) from None
+            )
+        return value
 
     def _numbers(self, text: str, counts: tuple[int, ...], what: str) -> Array:
         try:
@@ -416,6 +530,41 @@ class Repair:
         if len(values) not in counts or not np.all(np.isfinite(values)) or np.any(values == 0):
             raise ValueError(f"{self._source}: {what} = '{text}', but it must be numbers, not zero")
         return values
+
+
+def _sizes(shape: Element) -> list[float]:
+    """The sizes of a box, a cylinder and so on; those that are no numbers are left to the parser.
+
+    NaN and infinity are no sizes.
+    """
+    sizes = list[float]()
+    for key in LENGTHS[shape.tag]:
+        text = shape.get(key) or shape.findtext(key) or ""
+        try:
+            sizes += [float(part) for part in text.split()]
+        except ValueError:
+            continue
+    return [size if np.isfinite(size) else 0.0 for size in sizes]
+
+
+def _has_no_scale(mesh: Element) -> bool:
+    return mesh.get("scale") is None and mesh.find("scale") is None
+
+
+def _lengths_beside_meshes(root: Element) -> list[float]:
+    """Distances of places from each other and the shapes' longest edges, none of them zero."""
+    lengths = list[float]()
+    for node in root.iter():
+        if node.tag in LENGTHS:
+            lengths.append(max(_sizes(node), default=0.0))
+        text = node.get("xyz") if node.tag == "origin" else node.text
+        if node.tag in ("origin", "pose"):
+            try:
+                values = [float(part) for part in (text or "").split()[:3]]
+            except ValueError:
+                continue
+            lengths.append(float(np.linalg.norm(values)))
+    return [length for length in lengths if np.isfinite(length) and length > 1e-6]
 
 
 def _inertia(inertial: Element) -> tuple[float | None, Array | None]:

@@ -1,9 +1,11 @@
 """Imports an articulated object from any SDF or URDF file."""
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
 import numpy as np
 from pydrake.geometry import SceneGraph
@@ -25,6 +27,9 @@ from crossmodal.plants.object_import.flat_model import (
 )
 from crossmodal.plants.object_import.meshes import Warn
 from crossmodal.plants.object_import.model_source import ModelSource, Repair, read_model
+
+_DRAKE = "{drake.mit.edu}"
+_REFUSALS = (RuntimeError, ValueError, SystemExit)  # The last one by demands of Drake that fail.
 
 
 @dataclass(kw_only=True)
@@ -58,7 +63,7 @@ def import_object(
     at 600 kg/m^3 (wood).
 
     Args:
-        source: SDF or URDF; one that an earlier import wrote is taken as it is.
+        source: SDF or URDF. The copy of such a copy is that itself.
         folder: Where the copy goes; made where it is missing.
         grasp_frame: A frame or link of the model, x out of the object, y along the bar; or
             `NAME@x,y,z,roll,pitch,yaw`, a pose in it, [m] and [rad].
@@ -78,50 +83,69 @@ def import_object(
 
     folder.mkdir(parents=True, exist_ok=True)
     wanted, at, pose = grasp_frame.partition("@")
-    as_it_is = model.is_imported and not at and scale == 1.0
-    if not as_it_is:
-        Repair(source, folder.resolve() / "meshes", warn, scale).run(model)
-    plant, scene_graph = parse(model, source, folder.resolve(), as_it_is)
+    Repair(source, folder.resolve() / "meshes", warn, scale).run(model)
+    plant, scene_graph = parse(model, source, folder.resolve())
     frame = _find_frame(plant, flat_names(plant), wanted, source)
     if at:
         frame = plant.AddFrame(FixedOffsetFrame("grasp", frame, _offset(pose, grasp_frame)))
     parent_joints(plant, source)
-    try:
-        plant.Finalize()
-    except RuntimeError as error:
-        reason = " ".join(str(error).split())
-        raise ValueError(f"{source}: cannot be simulated: {reason}") from None
-    names = flat_names(plant)
+    names = flat_names(plant)  # Before Drake adds frames of its own.
+    finalize(plant, source)
     chain = find_chain(plant, frame.body(), source, warn)
     explored = _find_joint(plant, names, chain, joint, grasp_frame, source, warn)
     _check_limits(explored, source)
     imported = ImportedObject(
-        model=source if as_it_is else folder / MODEL_FILE,
+        model=folder / MODEL_FILE,
         joint=names.joints[int(explored.index())],
         grasp_frame=names.frames.get(int(frame.index()), names.bodies[int(frame.body().index())]),
         is_floating=chain.is_floating,
         warnings=warnings,
     )
-    if as_it_is:
-        return imported
     if any(model.masses.get(body.name(), 1.0) is None for body in chain.bodies):
         warn(f"masses that the file does not give are those of the geometry at {DENSITY:g} kg/m^3")
     X_WM = _model_pose(plant, frame.body(), chain)
     writer = FlatModelWriter(plant, scene_graph, model, chain, names, X_WM, folder.resolve(), warn)
     sdf = writer.element()
-    comment = f"<!-- crossmodal_imported from {source.name}\n" + "".join(
-        f"     {line}\n" for line in warnings
-    )
+    comment = "".join(f"     {line}\n" for line in (f"Imported from {source.name}", *warnings))
     text = ElementTree.tostring(sdf, encoding="unicode")
-    header = '<?xml version="1.0"?>\n' + comment.replace("--", "- -").replace("<!- -", "<!--")
-    imported.model.write_text(f"{header}-->\n{text}\n", encoding="utf-8")
+    # Within a comment XML allows no two dashes in a row.
+    header = f'<?xml version="1.0"?>\n<!--\n{re.sub("-(?=-)", "- ", comment)}-->\n'
+    imported.model.write_text(f"{header}{text}\n", encoding="utf-8")
+    if _alike(read_model(source).root, ElementTree.fromstring(text)):
+        imported.model = source  # It is such a copy, and stays the same to the last digit.
     return imported
 
 
-def parse(
-    model: ModelSource, source: Path, folder: Path, as_it_is: bool
-) -> tuple[MultibodyPlant, SceneGraph]:
-    """The model alone in a plant."""
+def _alike(first: Element, second: Element) -> bool:
+    """Whether two models say the same but for rounding (of colours, too) and names of files."""
+    if first.tag != second.tag or len(first) != len(second):
+        return False
+    if first.tag in ("uri", f"{_DRAKE}diffuse_map"):
+        return True  # Both were found to belong to their models.
+    if first.attrib.keys() != second.attrib.keys():
+        return False
+    texts = [(first.text, second.text)]
+    texts += [(first.get(key), second.get(key)) for key in first.attrib]
+    return all(_says_the_same(*both) for both in texts) and all(map(_alike, first, second))
+
+
+def _says_the_same(first: str | None, second: str | None) -> bool:
+    words = (first or "").split(), (second or "").split()
+    if words[0] == words[1]:
+        return True
+    try:
+        one, other = (np.array(each, dtype=float) for each in words)
+    except ValueError:
+        return False
+    return len(one) == len(other) and np.allclose(one, other, rtol=1e-6, atol=1e-9)
+
+
+def parse(model: ModelSource, source: Path, folder: Path) -> tuple[MultibodyPlant, SceneGraph]:
+    """The model alone in a plant.
+
+    Raises:
+        ValueError: in one line, for what Drake's parser does not take.
+    """
     # Couplings of joints need the SAP solver and a discrete plant.
     config = MultibodyPlantConfig(time_step=0.001, discrete_contact_approximation="sap")
     plant, scene_graph = AddMultibodyPlant(config, DiagramBuilder())
@@ -130,13 +154,26 @@ def parse(
     try:
         parser = Parser(plant)
         parser.SetAutoRenaming(True)
-        parser.AddModels(str(source if as_it_is else repaired))
-    except (RuntimeError, ValueError) as error:
+        parser.AddModels(str(repaired))
+    except _REFUSALS as error:
         reason = " ".join(str(error).replace(str(repaired), source.name).split())
         raise ValueError(f"{source}: cannot be parsed: {reason}") from None
     finally:
         repaired.unlink()
     return plant, scene_graph
+
+
+def finalize(plant: MultibodyPlant, source: Path) -> None:
+    """Ends the making of a plant.
+
+    Raises:
+        ValueError: in one line, where the model cannot be simulated.
+    """
+    try:
+        plant.Finalize()
+    except _REFUSALS as error:
+        reason = " ".join(str(error).split())
+        raise ValueError(f"{source}: cannot be simulated: {reason}") from None
 
 
 def _find_frame(plant: MultibodyPlant, names: FlatNames, wanted: str, source: Path) -> Frame:

@@ -1,11 +1,11 @@
 """Makes a model larger or smaller, for files that are not in metres."""
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 # What holds nothing but lengths: attributes of URDF's shapes and elements of SDF's.
-_LENGTHS = {
+LENGTHS = {
     "box": ("size",),
     "cylinder": ("radius", "length"),
     "sphere": ("radius",),
@@ -18,16 +18,18 @@ _MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 def scale_lengths(root: Element, scale: float) -> None:
     """Scales all lengths of an SDF or URDF model in place.
 
-    Places, sizes, meshes and the limits of sliding joints are lengths. Masses stay, so moments of
-    inertia go with the square. What is no number stays for the parser to complain of.
+    Places, sizes, meshes and pitches of threads are lengths; so are limits of sliding joints, where
+    their springs rest, and how they follow others. Masses stay, so moments of inertia go with the
+    square. What is no number stays for the parser to complain of.
     """
+    slides = {j.get("name") for j in root.iter("joint") if j.get("type") == "prismatic"}
     for node in root.iter():
         if node.tag == "pose":
             node.text = _scaled(node.text, [scale] * 3 + [1.0] * 4)
         elif node.tag == "origin":
             _scale(node, ("xyz",), scale)
-        elif node.tag in _LENGTHS:
-            _scale(node, _LENGTHS[node.tag], scale)
+        elif node.tag in LENGTHS:
+            _scale(node, LENGTHS[node.tag], scale)
         elif node.tag == "mesh":
             if node.get("filename") is not None:
                 node.set("scale", node.get("scale") or "1 1 1")
@@ -36,9 +38,28 @@ def scale_lengths(root: Element, scale: float) -> None:
             _scale(node, ("scale",), scale)
         elif node.tag == "inertia":
             _scale(node, _MOMENTS, scale**2)
-        elif node.tag == "joint" and node.get("type") == "prismatic":
-            for limit in node.iter("limit"):
-                _scale(limit, ("lower", "upper"), scale)
+        elif node.tag == "joint":
+            _scale_joint(node, slides, scale)
+
+
+def _scale_joint(joint: Element, slides: Collection[str | None], scale: float) -> None:
+    own = scale if joint.get("name") in slides else 1.0
+    for limit in joint.iter("limit"):
+        _scale(limit, ("lower", "upper"), own)
+    for dynamics in joint.iter("dynamics"):
+        _scale(dynamics, ("spring_reference",), own)
+    for mimic in joint.iter("mimic"):
+        leader = scale if mimic.get("joint") in slides else 1.0
+        _scale(mimic, ("offset",), own)
+        _scale(mimic, ("reference",), leader)
+        if own != leader:
+            if mimic.get("multiplier") is None and mimic.find("multiplier") is None:
+                mimic.set("multiplier", "1")
+            _scale(mimic, ("multiplier",), own / leader)
+    _scale(joint, ("screw_thread_pitch",), scale)
+    _scale(joint, ("thread_pitch",), 1.0 / scale)  # Turns per length.
+    for pitch in joint.findall("{drake.mit.edu}screw_thread_pitch"):
+        _scale(pitch, ("value",), scale)
 
 
 def _scale(node: Element, keys: Iterable[str], scale: float) -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from crossmodal.diagrams.crossmodal.inspection.report import likely_handles, report
+from crossmodal.diagrams.crossmodal.inspection.report import report
 from crossmodal.diagrams.crossmodal.objects.object_import import (
     WIDEST_PULL,
     imported,
@@ -31,7 +31,7 @@ def inspected(
     """The lines to print, and the picture; None where there is nothing to grasp.
 
     Args:
-        own: The model; without a grasped frame its first likely handle is taken.
+        own: The model; without a grasped frame its first handle is taken.
         scenario: Name of that in which its object takes the place of the scenario's.
         load: Loads it with assignments.
 
@@ -43,10 +43,9 @@ def inspected(
     except ValueError as error:
         raise ScenarioError(str(error)) from None
     lines = report(found, own.model)
-    handles = likely_handles(found)
-    if not own.grasp_frame and not handles:
+    if not own.grasp_frame and not found.handles:
         return lines, None
-    own.grasp_frame = own.grasp_frame or handles[0].grasp_frame
+    own.grasp_frame = own.grasp_frame or found.handles[0].grasp_frame
     base = load([])
     if not isinstance(base, Scenario):
         raise ScenarioError(f"--scenario {scenario}: has no object to be replaced")

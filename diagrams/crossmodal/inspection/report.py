@@ -5,20 +5,13 @@ from pathlib import Path
 
 import numpy as np
 
-from crossmodal.diagrams.crossmodal.objects.grasp_checks import faults_of_bar
 from crossmodal.plants.hands.soft_hand import SOFT_HAND_RANGE
 from crossmodal.plants.object_import.inspection import Handle, Inspection, JointFacts
-
-
-def likely_handles(found: Inspection) -> list[Handle]:
-    """The places that the hand could hold, those first that the model has a frame for."""
-    return [handle for handle in found.handles if not faults_of_bar(handle.bar, SOFT_HAND_RANGE)]
 
 
 def report(found: Inspection, source: Path) -> list[str]:
     """Links, joints, frames and handles, in lines for a terminal."""
     moving = [joint for joint in found.joints if joint.moves]
-    handles = likely_handles(found)
     lines = [
         f"{source.name}: {_count(len(found.links), 'link')}, {_count(len(moving), 'moving joint')},"
         f" {_size(found.size)}",
@@ -31,8 +24,8 @@ def report(found: Inspection, source: Path) -> list[str]:
     if found.frames:
         lines += ["Frames", *_table((name, f"on {link}") for name, link in found.frames.items())]
     lines.append("Likely handles, x out of the object, y along the bar")
-    lines += _table((x.grasp_frame, _bar(x), f"moved by {x.joint}") for x in handles)
-    if not handles:
+    lines += _table((x.grasp_frame, _bar(x), f"moved by {x.joint}") for x in found.handles)
+    if not found.handles:
         can = SOFT_HAND_RANGE
         lines.append(
             f"  none: the hand holds bars of {1e3 * can.least_thickness:.0f} to"

@@ -11,7 +11,7 @@ from pydrake.multibody.tree import RigidBody
 
 from crossmodal.diagrams.crossmodal.objects.object_model import parse_alone
 from crossmodal.plants.hands.soft_hand import SOFT_HAND_RANGE, GraspRange
-from crossmodal.plants.object_import.bars import Bar, bar_at
+from crossmodal.plants.object_import.bars import bar_at, faults_of_bar
 from crossmodal.plants.object_import.solids import bounds_overlap, shapes_of, solid_of, turned
 
 _ALIKE, _UNLIKE = 0.8, 0.5  # Overlap of the bounds of what is seen and what is touched.
@@ -58,33 +58,6 @@ def grasp_faults(solid: trimesh.Trimesh, frame: str, can: GraspRange) -> list[st
         ]
     faults = faults_of_bar(bar, can)
     return [f"the hand may not hold the bar at '{frame}': {fault}" for fault in faults]
-
-
-def faults_of_bar(bar: Bar, can: GraspRange) -> list[str]:
-    """What about a bar is outside of what a hand can hold, in a few words each."""
-    depth, height = bar.thickness
-    closes = (
-        f"it closes around {1e3 * can.least_thickness:.0f} to {1e3 * can.most_thickness:.0f} mm"
-    )
-    faults = []
-    if height > can.most_thickness or depth > can.most_depth:
-        faults.append(
-            f"it is {1e3 * max(depth, height):.0f} mm thick, {closes}"
-            " (y of the frame along the bar, x out of the object)"
-        )
-    elif min(depth, height) < can.least_thickness:
-        faults.append(f"it is {1e3 * min(depth, height):.1f} mm thin, {closes}")
-    if bar.tilt > can.tilt and not faults:
-        faults.append(
-            f"it is {np.rad2deg(bar.tilt):.0f} deg off the frame's y, and may be"
-            f" {np.rad2deg(can.tilt):.0f}; turn the frame's y along the bar"
-        )
-    if bar.clearance < can.clearance:
-        faults.append(
-            f"{1e3 * bar.clearance:.0f} mm are free behind it, the fingers need"
-            f" {1e3 * can.clearance:.0f} mm"
-        )
-    return faults
 
 
 def _turned_visual(

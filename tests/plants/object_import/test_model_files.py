@@ -143,7 +143,7 @@ def test_the_folder_around_the_models_own_is_the_models_without_a_package(tmp_pa
     source = picture(tmp_path / "chest" / "textures" / "print.png")
     model = with_texture(tmp_path / "chest" / "sdf" / "m.sdf", "../textures/print.png")
     assert len(copied(model, tmp_path / "out")[1]) == 1
-    files = ModelFiles(model)
+    files = ModelFiles(model, print)
     assert files.holds(source.resolve())
     assert not files.holds(picture(tmp_path / "other" / "print.png").resolve())
 

@@ -1,0 +1,103 @@
+"""Parts of a model that look like handles, and from where a hand comes to them."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import trimesh
+from pydrake.math import RigidTransform, RotationMatrix
+from trimesh.intersections import slice_mesh_plane
+
+from crossmodal.maths.arrays import Array
+
+_SHORTEST, _LONGEST, _SLENDER = 0.08, 1.0, 2.0  # Of a handle, [m]; its length over its thickness.
+_AROUND = 0.25  # Of a bar, what it may be fixed to and what may be in the way, to each side, [m].
+_HAND = 0.05  # Half width of what must be free before a handle, [m].
+_AHEAD = 0.2  # How far before it, [m].
+_SAMPLES = 4000  # Of what may be in the way.
+_TURN = np.pi / 8  # Between directions that are tried, [rad].
+
+
+def bars_of(
+    solid: trimesh.Trimesh, whole: trimesh.Trimesh, axes: Array
+) -> Iterator[tuple[Array, float]]:
+    """Pose (4, 4) and length [m] of each part that is long and thin, and that a hand gets to.
+
+    In the pose x is out of what the bar is fixed to, as far as that is free, and y along the bar.
+
+    Args:
+        solid: Of bodies that are fixed to each other.
+        whole: Of the model, in the same frame.
+        axes: Columns (3, 3), along which the bars' y rather point than against them.
+    """
+    parts = solid.split(only_watertight=False)
+    for k, part in enumerate(parts):
+        middle, y, length, width = _along(part)
+        y = y * np.sign(max(axes.T @ y, key=abs))
+        if not _SHORTEST <= length <= _LONGEST or length < _SLENDER * width:
+            continue
+        others = [other for i, other in enumerate(parts) if i != k]
+        x = None
+        for fixed_to in (others, [whole]):
+            x = _out_of(_near(fixed_to, middle), middle, y) if x is None else x
+        if x is not None:
+            x = _free(x, middle, y, 0.5 * width, _near([whole], middle))
+        if x is not None:
+            R = RotationMatrix.ProjectToRotationMatrix(np.column_stack([x, y, np.cross(x, y)]))
+            yield RigidTransform(R, middle).GetAsMatrix4(), length
+
+
+def _along(part: trimesh.Trimesh) -> tuple[Array, Array, float, float]:
+    """Middle (3,) and direction (3,) of a part's longest extent, its length and its width, [m]."""
+    spread = part.vertices - part.vertices.mean(axis=0)
+    _, _, axes = np.linalg.svd(spread, full_matrices=False)
+    inside = part.vertices @ axes.T
+    middle = 0.5 * (inside.min(axis=0) + inside.max(axis=0)) @ axes
+    length, *others = np.ptp(inside, axis=0)
+    return middle, axes[0], float(length), float(max(others))
+
+
+def _near(solids: list[trimesh.Trimesh], middle: Array) -> trimesh.Trimesh:
+    """What of solids is in a box around a place."""
+    near = trimesh.util.concatenate(solids) if solids else trimesh.Trimesh()
+    normals = np.concatenate([np.eye(3), -np.eye(3)])
+    for normal in normals:
+        if not near.is_empty:
+            near = slice_mesh_plane(near, normal, middle - _AROUND * normal)
+    return near
+
+
+def _out_of(solid: trimesh.Trimesh, middle: Array, y: Array) -> Array | None:
+    """The direction (3,) across a bar in which the surfaces face that are seen from it.
+
+    They count by the solid angle under which they are seen.
+    """
+    if solid.is_empty:
+        return None
+    ways = middle - solid.triangles_center
+    distances = np.linalg.norm(ways, axis=1)
+    facing = np.einsum("ij,ij->i", solid.face_normals, ways)
+    seen = (facing > 0.0) & (distances > 1e-6)
+    angles = solid.area_faces[seen] * facing[seen] / distances[seen] ** 3
+    out = angles @ solid.face_normals[seen]
+    out -= (out @ y) * y
+    length = float(np.linalg.norm(out))
+    return out / length if length > 1e-6 * angles.sum() and length > 0.0 else None
+
+
+def _free(
+    x: Array, middle: Array, y: Array, radius: float, around: trimesh.Trimesh
+) -> Array | None:
+    """The direction (3,) across a bar next to `x` from which a hand gets to it; None for none."""
+    points = np.zeros((0, 3))
+    if not around.is_empty:
+        points = np.asarray(trimesh.sample.sample_surface(around, _SAMPLES, seed=0)[0]) - middle
+    z = np.cross(x, y)
+    for turn in sorted(np.arange(-4, 5) * _TURN, key=abs):
+        ahead = np.cos(turn) * x + np.sin(turn) * z
+        aside = np.cross(ahead, y)
+        forward = points @ ahead
+        met = (forward > radius + 0.005) & (forward < _AHEAD)
+        met &= (np.abs(points @ y) < _HAND) & (np.abs(points @ aside) < _HAND)
+        if not met.any():
+            return np.asarray(ahead)
+    return None

@@ -121,6 +121,9 @@ def check_folder(folder: Path, *, force: bool = False) -> None:
             f"{folder}: already holds files, but no evaluation; choose another folder with --out"
         )
     for episode in folder.glob("seed-[0-9]*") if force else ():
+        if episode.is_symlink():  # What it leads to is not this evaluation's.
+            episode.unlink()
+            continue
         remove_run(episode)
         for name in (*FILES, process.LOG_FILE, process.ERROR_FILE):
             (episode / name).unlink(missing_ok=True)

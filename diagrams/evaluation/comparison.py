@@ -31,6 +31,7 @@ from crossmodal.diagrams.run.folder.run_folder import (
     PLOT_FOLDER,
     SCENARIO_FILE,
     SUMMARY_FILE,
+    is_within,
     read_summary,
 )
 from crossmodal.diagrams.run.yaml_input.loader import read_yaml
@@ -114,7 +115,11 @@ def read_compared(
         document=_flat(document),
         summaries=summaries,
         figures=figures,
-        pictures={path.stem.replace("_", " "): path for path in sorted(pictures.glob("*.png"))},
+        pictures={
+            path.stem.replace("_", " "): path
+            for path in sorted(pictures.glob("*.png"))
+            if is_within(folder, str(path.relative_to(folder))) and path.is_file()
+        },
     )
 
 

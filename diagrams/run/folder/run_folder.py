@@ -34,6 +34,7 @@ MESHCAT_FILE = "meshcat.html"
 SENSORS_FILE = "sensors.mcap"
 PAGE_FILE = "report.html"
 PLOT_FOLDER = "figures"
+_LONGEST = 255  # Name of a file, [bytes].
 # What a run may write whatever its application is.
 FILES = (SCENARIO_FILE, ESTIMATES_FILE, SUMMARY_FILE, MESHCAT_FILE, SENSORS_FILE, PAGE_FILE)
 
@@ -102,12 +103,22 @@ def read_summary(folder: Path) -> dict[str, Any]:
     return summary if isinstance(summary, dict) else {}
 
 
+def is_within(folder: Path, name: object) -> bool:
+    """Whether a path relative to a folder stays in it, and no link leads out of it."""
+    if not isinstance(name, str):
+        return False
+    try:
+        path = (folder / name).resolve()
+        return path.is_relative_to(folder.resolve()) and len(os.fsencode(path.name)) <= _LONGEST
+    except (OSError, ValueError):  # No path can be so.
+        return False
+
+
 def files_of_run(folder: Path) -> list[str]:
     """The files of the run in a folder, the summary first, by their paths relative to it."""
-    names = read_summary(folder).get("files", [])
-    root = folder.resolve()
-    below = [name for name in names if (folder / name).resolve().is_relative_to(root)]
-    return [SUMMARY_FILE, *below] if names else []
+    names = read_summary(folder).get("files")
+    below = [name for name in names if is_within(folder, name)] if isinstance(names, list) else []
+    return [SUMMARY_FILE, *below] if below else []
 
 
 def remove_run(folder: Path, *, kept: Collection[str] = ()) -> None:
@@ -135,6 +146,17 @@ def write_atomically(path: Path, write: Callable[[Path], Any]) -> Path:
     return path
 
 
+def write_within(folder: Path, name: str, write: Callable[[Path], Any]) -> Path:
+    """The same of a file of a folder's own.
+
+    Raises:
+        ScenarioError: where a folder in it is a link to somewhere else.
+    """
+    if not is_within(folder, os.path.dirname(name)):
+        raise ScenarioError(f"{folder / name}: a link leads out of {folder}; remove it")
+    return write_atomically(folder / name, write)
+
+
 def write_text(path: Path, text: str) -> Path:
     return write_atomically(path, lambda partial: partial.write_text(text, encoding="utf-8"))
 
@@ -151,7 +173,7 @@ def write_scenario(folder: Path, application: Application, scenario: Scenario) -
     """Writes the resolved scenario with the versions that run it; it can be run again as it is."""
     kept, files = application.keep_files(replace(scenario, versions=versions()))
     for name, source in files.items():
-        write_atomically(folder / name, partial(shutil.copyfile, source))
+        write_within(folder, name, partial(shutil.copyfile, source))
     return write_text(folder / SCENARIO_FILE, yaml_dump_typed(kept))
 
 
@@ -245,7 +267,7 @@ class RunWriter:
         )
 
     def _write(self, name: str, write: Callable[[Path], Any]) -> None:
-        self._try(lambda: write_atomically(self._folder / name, write))
+        self._try(lambda: write_within(self._folder, name, write))
 
     def _try(self, write: Callable[[], Path]) -> None:
         try:
@@ -324,7 +346,10 @@ def finished_summary(
     summary = read_summary(folder)
     if not summary or summary.get("interrupted"):
         return None
-    if not all((folder / name).is_file() for name in summary.get("files", ())):
+    names = summary.get("files")
+    if not isinstance(names, list) or not all(is_within(folder, name) for name in names):
+        return None
+    if not all((folder / name).is_file() for name in names):
         return None
     current = fingerprint(application, scenario)
     return summary if all(summary.get(key) == value for key, value in current.items()) else None

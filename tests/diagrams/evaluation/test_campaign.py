@@ -106,6 +106,16 @@ def test_force_starts_afresh(fake_worker: Path) -> None:
     assert runs(fake_worker) == [2, 2, 4]
 
 
+def test_force_removes_nothing_behind_a_link(fake_worker: Path, tmp_path: Path) -> None:
+    run(campaign(fake_worker, [2]), Workers())
+    mine = tmp_path / "mine"
+    episode_folder(fake_worker, 2).rename(mine)
+    episode_folder(fake_worker, 2).symlink_to(mine)
+    campaign(fake_worker, [2], force=True)
+    assert not episode_folder(fake_worker, 2).is_symlink()
+    assert (mine / "summary.json").is_file()
+
+
 def test_an_interrupt_keeps_what_has_finished(fake_worker: Path) -> None:
     one = campaign(fake_worker, [2, 4, 6])
 

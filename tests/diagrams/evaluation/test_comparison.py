@@ -117,6 +117,14 @@ def test_the_page_has_each_picture_of_all_of_them_side_by_side(
     assert mixed.count("<h2") == 2
 
 
+def test_no_link_is_followed_out_of_a_run(tmp_path: Path) -> None:
+    folder = write_episode(tmp_path / "run", toy_summary(3, left=0.002, right=None))
+    (tmp_path / "mine.png").write_text("a secret")
+    (folder / "figures" / "mine.png").symlink_to(tmp_path / "mine.png")
+    (folder / "figures" / "same.png").symlink_to(folder / "figures" / "errors_over_time.png")
+    assert sorted(read(folder).pictures) == ["errors over time", "same"]
+
+
 @pytest.mark.parametrize(
     ("text", "expected"),
     [("{", "summary.json: is no summary"), ("[]", "is no summary"), ('{"a": 1}', "is no summary")],

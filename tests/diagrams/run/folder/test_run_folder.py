@@ -260,6 +260,25 @@ def test_nothing_outside_the_folder_is_removed_whatever_a_summary_says(
     assert [path.name for path in folder.iterdir()] == ["link"]
 
 
+@pytest.mark.parametrize("files", [[1], "a.txt", {"a": 1}, ["a\0b"], ["a" * 5000], [None]])
+def test_a_summary_that_names_no_files_is_of_no_run(tmp_path: Path, files: object) -> None:
+    write_text(tmp_path / "summary.json", json.dumps({"files": files}))
+    assert finished_summary(tmp_path, APPLICATION, load_scenario("drawer", [])[1]) is None
+    with pytest.raises(ScenarioError, match="no run that --force"), opened(tmp_path, force=True):
+        pass
+
+
+def test_nothing_is_written_through_a_link_out_of_the_folder(tmp_path: Path) -> None:
+    folder, elsewhere = tmp_path / "run", tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    folder.mkdir()
+    (folder / "figures").symlink_to(elsewhere)
+    with pytest.raises(ScenarioError, match=r"figures/errors\.png: a link leads out of"):
+        write(folder, synthetic_episode())
+    assert list(elsewhere.iterdir()) == []
+    assert (folder / "summary.json").is_file()
+
+
 @pytest.mark.parametrize("place", ["file", "file/below", "/proc/nowhere/run", "a" * 300])
 def test_a_folder_that_cannot_be_written_is_refused_in_one_line(tmp_path: Path, place: str) -> None:
     (tmp_path / "file").write_text("")

@@ -8,7 +8,6 @@ these modules holds an `APPLICATION`.
 
 import importlib
 import importlib.util
-import json
 import os
 import sys
 from collections.abc import Mapping, Sequence
@@ -20,7 +19,12 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from crossmodal.diagrams.run.application import Application
-from crossmodal.diagrams.run.folder.run_folder import ESTIMATES_FILE, SCENARIO_FILE, SUMMARY_FILE
+from crossmodal.diagrams.run.folder.run_folder import (
+    ESTIMATES_FILE,
+    SCENARIO_FILE,
+    SUMMARY_FILE,
+    read_summary,
+)
 from crossmodal.diagrams.run.scenario import parse_scenario, read_document
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line, suggestion
 
@@ -63,6 +67,8 @@ def _module(source: str) -> ModuleType:
         if not source.endswith(".py"):
             return importlib.import_module(source)
         path = Path(source).resolve()
+        if path.exists() and not path.is_file():  # Nobody may ever write to a pipe.
+            raise ImportError(f"{path} is no file")
         name = str(path)  # Another file, or a module of Python's, may have the same stem.
         spec = importlib.util.spec_from_file_location(name, path)
         if spec is None or spec.loader is None:
@@ -193,10 +199,13 @@ def read_run(folder: Path) -> RecordedRun:
         if not (folder / name).is_file():
             raise ScenarioError(f"{folder}: holds no {name}; name the folder of a complete run")
     application, scenario = load_scenario(str(folder / SCENARIO_FILE))
+    summary = read_summary(folder)
+    if not summary:
+        raise ScenarioError(f"{folder / SUMMARY_FILE}: is no summary of a run")
     return RecordedRun(
         folder=folder,
         application=application,
         scenario=scenario,
         estimates=pd.read_parquet(folder / ESTIMATES_FILE),
-        summary=json.loads((folder / SUMMARY_FILE).read_text(encoding="utf-8")),
+        summary=summary,
     )

@@ -1,6 +1,5 @@
 """Tools that do not come with the program: on the command line, and in a run's folder."""
 
-import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -11,7 +10,6 @@ from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 from crossmodal.models import SDF_DIR
 
 MODEL_FOLDER = "model"  # Of a run, for the copy of the tool.
-_FILES = re.compile(r"<uri>\s*([^<]+?)\s*</uri>|filename=\"([^\"]+)\"|<\w+_map>\s*([^<]+?)\s*</")
 
 
 def own_tool_assignments(
@@ -45,9 +43,19 @@ def tool_files(model: Path) -> list[Path]:
     Raises:
         ScenarioError: for one that is elsewhere, which a run's folder could not hold.
     """
+    from crossmodal.plants.object_import.model_source import read_model  # Slow: trimesh.
+
+    try:
+        root = read_model(model).root
+    except ValueError as error:
+        raise ScenarioError(str(error)) from None
+    names = []
+    for node in root.iter():
+        tag = str(node.tag).rpartition("}")[2]  # Without its namespace.
+        names.append(node.get("filename"))
+        names.append(node.text if tag == "uri" or tag.endswith("_map") else None)
     found = [model]
-    for groups in _FILES.findall(model.read_text(encoding="utf-8", errors="replace")):
-        name = "".join(groups)
+    for name in (name.strip() for name in names if name and name.strip()):
         if name.startswith("package://crossmodal/"):
             continue
         path = (model.parent / name).resolve()

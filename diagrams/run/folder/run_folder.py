@@ -98,7 +98,7 @@ def read_summary(folder: Path) -> dict[str, Any]:
     """What `summary.json` in a folder holds; nothing where there is none, or another one."""
     try:
         summary = json.loads((folder / SUMMARY_FILE).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return {}
     return summary if isinstance(summary, dict) else {}
 

@@ -1,5 +1,6 @@
 """Reads YAML files into mappings, and assignments of single values."""
 
+import os
 from collections.abc import Hashable, Mapping
 from pathlib import Path
 from typing import Any
@@ -8,8 +9,13 @@ import yaml
 
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line
 
+_DEEPEST = 50  # Lists and mappings within each other.
+_MOST_VALUES = 100_000
+# The one in C is ten times as fast; it is not everywhere.
+_Base: type[yaml.SafeLoader] = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
-class _Loader(yaml.SafeLoader):
+
+class _Loader(_Base):
     """Refuses a key that a mapping has twice, of which otherwise the last one would count."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
@@ -22,8 +28,35 @@ class _Loader(yaml.SafeLoader):
         return super().construct_mapping(node, deep)
 
 
+def _check_size(text: str, source: str) -> None:
+    """Refuses what nests or repeats itself so much that it would fill the memory."""
+    sizes: dict[str, int] = {}  # Of what has a name, by that.
+    within: list[tuple[str | None, int]] = [(None, 0)]  # Names and sizes so far.
+    for event in yaml.parse(text, Loader=_Base):
+        if isinstance(event, yaml.CollectionStartEvent):
+            within.append((event.anchor, 1))
+            if len(within) > _DEEPEST:
+                many = f"more than {_DEEPEST} lists or mappings stand within each other"
+                raise ScenarioError(f"{source}: {many}")
+            continue
+        if isinstance(event, yaml.ScalarEvent):
+            name, size = event.anchor, 1
+        elif isinstance(event, yaml.AliasEvent):
+            name, size = None, sizes.get(event.anchor, 0)
+        elif isinstance(event, yaml.CollectionEndEvent):
+            name, size = within.pop()
+        else:
+            continue
+        if name is not None:
+            sizes[name] = size
+        within[-1] = within[-1][0], within[-1][1] + size
+        if within[-1][1] > _MOST_VALUES:
+            raise ScenarioError(f"{source}: holds more than {_MOST_VALUES} values")
+
+
 def _load(text: str, source: str) -> Any:
     try:
+        _check_size(text, source)
         return yaml.load(text, Loader=_Loader)
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         mark = getattr(error, "problem_mark", None)
@@ -35,6 +68,8 @@ def _load(text: str, source: str) -> Any:
 def read_yaml(path: Path) -> dict[str, Any]:
     """The mapping in a YAML file; an empty file holds an empty one."""
     try:
+        if os.path.exists(path) and not os.path.isfile(path):  # Nobody may ever write to a pipe.
+            raise ScenarioError(f"{path}: is no file")
         text = path.read_text(encoding="utf-8")
     except FileNotFoundError:
         raise ScenarioError(f"{path}: there is no such file") from None

@@ -58,7 +58,7 @@ def test_a_run_takes_its_tool_along(load: Load, tmp_path: Path) -> None:
 
 
 def test_files_that_a_tool_names_come_along_if_they_lie_beside_it(tmp_path: Path) -> None:
-    mesh = "<mesh><uri>meshes/lip.obj</uri></mesh>"
+    mesh = "<sdf><mesh><uri>meshes/lip.obj</uri></mesh></sdf>"
     model = tmp_path / "tool.sdf"
     model.write_text(mesh)
     with pytest.raises(ScenarioError, match=r"names 'meshes/lip\.obj', which does not lie"):

@@ -1,5 +1,7 @@
 """A file or an assignment is read, or refused in one line."""
 
+import os
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -44,6 +46,32 @@ def test_what_is_written_is_read_again(tmp_path: Path) -> None:
     path = tmp_path / "mine.yaml"
     path.write_text(yaml.safe_dump(said))
     assert read_yaml(path) == said
+
+
+NINES = [f"{c}: &{c} [{', '.join([f'*{p}'] * 9)}]\n" for p, c in pairwise("abcdefghi")]
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("a: [" + "1.5, " * 200_000 + "2]", "holds more than 100000 values"),
+        ("[" * 100_000, "maximum nesting depth|within each other|is not valid YAML"),
+        ("a: " + "{b: " * 3000, "within each other"),
+        (f"a: &a [{', '.join('x' * 9)}]\n{''.join(NINES)}", "holds more than 100000 values"),
+    ],
+    ids=["long", "deep", "deep mappings", "nine billion"],
+)
+def test_what_would_fill_the_memory_is_refused(text: str, why: str, tmp_path: Path) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text(text)
+    with pytest.raises(ScenarioError, match=why):
+        read_yaml(path)
+
+
+def test_nobody_waits_at_a_pipe(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "mine.yaml")
+    with pytest.raises(ScenarioError, match=r"mine\.yaml: is no file"):
+        read_yaml(tmp_path / "mine.yaml")
 
 
 def test_a_key_that_is_there_twice_is_refused_with_both_lines(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """The `crossmodal` command. What a command needs is imported when it runs, so help is instant."""
 
+import signal
 import sys
 from importlib.metadata import version
 from typing import Annotated
@@ -72,7 +73,11 @@ app.command("diagram", epilog=diagram.EXAMPLES)(diagram.diagram_command)
 
 
 def main() -> int:
-    """Entry point of the `crossmodal` command; bad options, too, are answered in one line."""
+    """Entry point of the `crossmodal` command; bad options, too, are answered in one line.
+
+    Whoever ends it by SIGTERM gets what Ctrl-C gives: what is finished is kept, all else removed.
+    """
+    signal.signal(signal.SIGTERM, lambda *_: signal.raise_signal(signal.SIGINT))
     try:
         status = app(prog_name="crossmodal", standalone_mode=False)
     except Exception as error:

@@ -8,10 +8,13 @@ import resource
 import signal
 import subprocess
 import sys
+import threading
+import time
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import cache, partial
 from pathlib import Path
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
 
 from crossmodal.diagrams.run.application import Application
 from crossmodal.diagrams.run.folder.run_folder import (
@@ -23,6 +26,9 @@ from crossmodal.diagrams.run.folder.run_folder import (
 )
 from crossmodal.diagrams.run.scenario import Scenario
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line
+
+P = ParamSpec("P")
+R = TypeVar("R")
 
 ERROR_FILE = "error.txt"  # The reason in its first line, then the traceback.
 LOG_FILE = "log.txt"
@@ -85,6 +91,32 @@ def run_apart(
     if summary and process.returncode > 0:
         warnings.warn(_reason(folder, process.returncode), EpisodeWarning, stacklevel=2)
     return summary or failed_summary(scenario, _reason(folder, process.returncode))
+
+
+def ending_with_this_process(function: Callable[P, R]) -> Callable[P, R]:
+    """The same function; a process that runs it for this one ends when this one does.
+
+    However this one ends: joblib's workers would finish their work first.
+    """
+    return partial(_run_and_watch, os.getpid(), function)
+
+
+def _run_and_watch(caller: int, function: Callable[P, R], *args: P.args, **kwargs: P.kwargs) -> R:
+    if os.getpid() != caller:
+        _watch_parent()
+    return function(*args, **kwargs)
+
+
+@cache
+def _watch_parent() -> None:
+    parent = os.getppid()
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(1.0)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 def stop_running() -> None:

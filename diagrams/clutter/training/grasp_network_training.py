@@ -21,6 +21,7 @@ from crossmodal.diagrams.clutter.training.shapes import GOODS, goods
 from crossmodal.diagrams.evaluation.campaign_report import made_by
 from crossmodal.diagrams.evaluation.metric_table import Table
 from crossmodal.diagrams.run.folder.run_folder import write_atomically, write_text
+from crossmodal.diagrams.run.process import ending_with_this_process
 from crossmodal.maths.arrays import Array
 from crossmodal.systems.grasping.grasp_geometry import is_blocked
 from crossmodal.systems.grasping.grasp_planner import (
@@ -43,8 +44,9 @@ def make_data(folder: Path, files: int, seed: int, jobs: int) -> Iterator[Path]:
     from joblib import Parallel, delayed
 
     paths = [folder / f"grasp-{seed}-{number:04d}.npz" for number in range(files)]
+    one = delayed(ending_with_this_process(_make_file))
     yield from Parallel(n_jobs=jobs, return_as="generator")(
-        delayed(_make_file)(path, number, seed) for number, path in enumerate(paths)
+        one(path, number, seed) for number, path in enumerate(paths)
     )
 
 

@@ -22,6 +22,7 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform, RotationMatrix
 
 from crossmodal.diagrams.run.folder.run_folder import write_atomically
+from crossmodal.diagrams.run.process import ending_with_this_process
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.pinhole import Intrinsics
 from crossmodal.plants.camera_view import renderer_intrinsics
@@ -232,7 +233,8 @@ def write_scenes(folder: Path, seed: int, count: int, jobs: int = 1) -> Iterator
     """Renders scenes into files, those that are not there; yields after each."""
     from joblib import Parallel, delayed
 
-    work = (delayed(_write_scene)(folder, seed, scene) for scene in range(count))
+    one = delayed(ending_with_this_process(_write_scene))
+    work = (one(folder, seed, scene) for scene in range(count))
     yield from Parallel(n_jobs=jobs, return_as="generator_unordered")(work)
 
 

@@ -9,6 +9,7 @@ from crossmodal.diagrams.crossmodal.training.hand_bending_training import Intera
 from crossmodal.diagrams.evaluation.campaign_report import made_by
 from crossmodal.diagrams.evaluation.metric_table import Table
 from crossmodal.diagrams.run.folder.run_folder import write_atomically, write_text
+from crossmodal.diagrams.run.process import ending_with_this_process
 from crossmodal.models import WEIGHTS_DIR
 from crossmodal.systems.proprioception.bending_network import save_network
 
@@ -27,8 +28,9 @@ def simulate_interactions(
     """Yields interactions in their order; the same seed gives the same ones for any `jobs`."""
     from joblib import Parallel, delayed
 
+    one = delayed(ending_with_this_process(simulate_interaction))
     yield from Parallel(n_jobs=jobs, return_as="generator")(
-        delayed(simulate_interaction)(1000 * seed + number) for number in range(count)
+        one(1000 * seed + number) for number in range(count)
     )
 
 

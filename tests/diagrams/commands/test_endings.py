@@ -1,9 +1,11 @@
 import os
 import signal
+import sys
 
 import pytest
 import typer
 
+from crossmodal.diagrams.command_line import main
 from crossmodal.diagrams.commands.endings import BAD_INPUT, GentleInterrupt, one_line_errors
 
 
@@ -24,3 +26,14 @@ def test_what_may_not_be_written_is_said_in_one_line(capsys: pytest.CaptureFixtu
         raise PermissionError(13, "set NUMBA_CACHE_DIR to a folder")
     assert caught.value.exit_code == BAD_INPUT
     assert capsys.readouterr().err == "crossmodal: set NUMBA_CACHE_DIR to a folder\n"
+
+
+def test_being_terminated_is_being_interrupted(monkeypatch: pytest.MonkeyPatch) -> None:
+    before = signal.getsignal(signal.SIGTERM)
+    monkeypatch.setattr(sys, "argv", ["crossmodal", "--version"])
+    try:
+        assert main() == 0
+        with pytest.raises(KeyboardInterrupt):
+            os.kill(os.getpid(), signal.SIGTERM)
+    finally:
+        signal.signal(signal.SIGTERM, before)

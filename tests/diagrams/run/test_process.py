@@ -1,15 +1,23 @@
 """An episode in a process of its own."""
 
+import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from crossmodal.diagrams.applications import load_scenario
 from crossmodal.diagrams.run import process
-from crossmodal.diagrams.run.process import EpisodeWarning, peak_memory, run_apart, thread_limits
+from crossmodal.diagrams.run.process import (
+    EpisodeWarning,
+    ending_with_this_process,
+    peak_memory,
+    run_apart,
+    thread_limits,
+)
 
 
 def test_an_episode_whose_folder_cannot_be_made_is_a_failure(tmp_path: Path) -> None:
@@ -55,3 +63,48 @@ def test_memory_is_counted_in_bytes() -> None:
 def test_an_episode_that_is_killed_after_its_summary_has_died(tmp_path: Path) -> None:
     (tmp_path / "summary.json").write_text("{}")
     assert process._reason(tmp_path, -9) == "worker died (SIGKILL), see log.txt"
+
+
+BEATS = """
+import sys, time
+from pathlib import Path
+from joblib import Parallel, delayed
+from crossmodal.diagrams.run.process import ending_with_this_process
+
+def beat(path):
+    for _ in range(600):
+        Path(path).write_text(str(time.time()))
+        time.sleep(0.1)
+
+if __name__ == "__main__":
+    Parallel(n_jobs=2)(delayed(ending_with_this_process(beat))(path) for path in sys.argv[1:])
+"""
+
+
+def test_workers_end_with_whoever_started_them_however_that_ends(tmp_path: Path) -> None:
+    script, paths = tmp_path / "beats.py", [tmp_path / "a", tmp_path / "b"]
+    script.write_text(BEATS)
+    with subprocess.Popen([sys.executable, str(script), *map(str, paths)]) as starter:
+        _wait_until(lambda: all(path.exists() for path in paths))
+        starter.kill()
+
+    def is_over() -> bool:
+        before = [path.read_text() for path in paths]
+        time.sleep(0.5)
+        return before == [path.read_text() for path in paths]
+
+    _wait_until(is_over)
+
+
+def test_in_the_same_process_nothing_is_watched() -> None:
+    before = threading.active_count()
+    assert ending_with_this_process(max)(3, 5) == 5
+    assert threading.active_count() == before
+
+
+def _wait_until(condition: Callable[[], bool]) -> None:
+    for _ in range(600):
+        if condition():
+            return
+        time.sleep(0.1)
+    raise AssertionError("it took too long")

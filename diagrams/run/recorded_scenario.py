@@ -3,11 +3,10 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-import yaml
-
 from crossmodal.diagrams.run.application import Application
 from crossmodal.diagrams.run.folder.fingerprint import contents
 from crossmodal.diagrams.run.scenario import Scenario
+from crossmodal.diagrams.run.yaml_input.loader import parse_yaml
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 
 # What of a scenario may be replaced when it is replayed: what perceives, and what happens to the
@@ -34,12 +33,12 @@ def check_unchanged(
         source: The scenario's file, for the message.
 
     Raises:
-        ScenarioError: naming the first value that differs.
+        ScenarioError: naming the first value that differs, and where the recording holds none.
     """
     if not recorded:
         return
-    then = yaml.safe_load(recorded)
-    now = yaml.safe_load(contents(application, scenario))
+    then = parse_yaml(recorded, "the recording's scenario")
+    now = parse_yaml(contents(application, scenario), source)
     for key in _SAYS_NOTHING:
         then.pop(key, None)
     for key, was, is_ in _differences(then, now):

@@ -41,7 +41,11 @@ from crossmodal.systems.port_values import StampedImage
 
 _METADATA = "episode"
 # What the library raises while it reads a file with wrong bytes.
-_DAMAGE = (OSError, McapError, ValueError, LookupError, TypeError, struct.error, ZstdError)
+_DAMAGE = (
+    *(OSError, McapError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError),
+    *(RecursionError, struct.error, ZstdError),
+)
+_SILENCE = 3600.0  # At most, from the last message to the episode's end, [s].
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -192,6 +196,10 @@ class SensorLog:
         # The instant [ns] that was read last, and all values then.
         self._read_until, self._values = -1, dict[str, Any]()
         with self._damage_told("cannot be read"):
+            if os.path.exists(path) and not os.path.isfile(
+                path
+            ):  # Nobody may ever write to a pipe.
+                raise ValueError("it is no file")
             self._reader = make_reader(
                 path.open("rb"), validate_crcs=True, decoder_factories=[DecoderFactory()]
             )
@@ -203,7 +211,12 @@ class SensorLog:
             said = {} if facts is None else facts.metadata
             self.scenario = said.get("scenario", "")
             self.interrupted = "interrupted" in said
-            self.end = float(said.get("duration", summary.statistics.message_end_time * 1e-9))
+            last = summary.statistics.message_end_time * 1e-9
+            self.end = float(said.get("duration", last))
+            if not 0.0 <= self.end <= last + _SILENCE:
+                raise ValueError(
+                    f"it says that it ends at {self.end:g} s, but its last message is of {last:g} s"
+                )
 
     @contextlib.contextmanager
     def _damage_told(self, what: str) -> Iterator[None]:

@@ -75,12 +75,22 @@ def read_yaml(path: Path) -> dict[str, Any]:
         raise ScenarioError(f"{path}: there is no such file") from None
     except (OSError, ValueError) as error:
         raise ScenarioError(f"{path}: cannot be read: {one_line(error)}") from None
-    document = _load(text, str(path))
+    return parse_yaml(text, str(path))
+
+
+def parse_yaml(text: str, source: str) -> dict[str, Any]:
+    """The mapping that a text says; an empty one says an empty one.
+
+    Args:
+        text: In YAML.
+        source: Where it is from, the beginning of every error message.
+    """
+    document = _load(text, source)
     if document is None:
         return {}
     if not isinstance(document, dict):
         kind = type(document).__name__
-        raise ScenarioError(f"{path}: must hold a mapping of keys to values, not a {kind}")
+        raise ScenarioError(f"{source}: must hold a mapping of keys to values, not a {kind}")
     return document
 
 

@@ -1,12 +1,16 @@
 """A recording that is not as it was written is refused, never read as something else."""
 
 import contextlib
+import os
 from pathlib import Path
 
 import numpy as np
 import pytest
 from pydrake.systems.sensors import ImageRgba8U
 
+from crossmodal.diagrams.applications import load_scenario
+from crossmodal.diagrams.crossmodal.application import APPLICATION
+from crossmodal.diagrams.run.recorded_scenario import check_unchanged
 from crossmodal.diagrams.run.sensor_streams.log import (
     SensorLog,
     SensorLogWriter,
@@ -86,6 +90,27 @@ def test_a_recording_that_is_cut_off_is_refused(tmp_path: Path, share: float) ->
 def test_a_recording_knows_what_it_is_of_and_how_long_it_took(tmp_path: Path) -> None:
     log = SensorLog(write(tmp_path / "a.mcap", "seed: 3\n"), streams())
     assert (log.scenario, log.end) == ("seed: 3\n", 5.0)
+
+
+@pytest.mark.parametrize("duration", [1e9, np.nan, np.inf, -1.0])
+def test_an_end_that_cannot_be_is_refused(duration: float, tmp_path: Path) -> None:
+    writer = SensorLogWriter(tmp_path / "a.mcap")
+    writer.write(streams()[2], np.zeros(2), 1.0)
+    writer.close(duration)
+    with pytest.raises(ScenarioError, match=r"it says that it ends at .*last message is of 1 s"):
+        SensorLog(tmp_path / "a.mcap", streams())
+
+
+@pytest.mark.parametrize("scenario", ["[", "- a", "text", "a: " + "{b: " * 3000, "a: 1\na: 2"])
+def test_a_recording_of_no_scenario_is_refused(scenario: str) -> None:
+    with pytest.raises(ScenarioError, match="the recording's scenario"):
+        check_unchanged(APPLICATION, load_scenario("drawer")[1], scenario, "mine.yaml")
+
+
+def test_nobody_waits_at_a_pipe(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "a.mcap")
+    with pytest.raises(ScenarioError, match=r"a\.mcap: cannot be read: it is no file"):
+        SensorLog(tmp_path / "a.mcap", streams())
 
 
 def test_values_that_are_no_numbers_are_handed_on(tmp_path: Path) -> None:

@@ -58,6 +58,7 @@ from crossmodal.systems.kinematics.joint_filters_state import (
     LEAST_NOISE,
     TYPES,
     JointFiltersState,
+    follow_clock,
     initial_state,
     rebased_state,
     skip,
@@ -97,11 +98,16 @@ from crossmodal.systems.kinematics.solver.joint_geometry import (
     FREE,
     MOVING,
     PRISMATIC,
+    REVOLUTE,
     SCREW,
     turns,
 )
 from crossmodal.systems.kinematics.solver.joint_models import Models
-from crossmodal.systems.kinematics.solver.joint_readout import predict_pose, read_moving
+from crossmodal.systems.kinematics.solver.joint_readout import (
+    predict_pose,
+    predicted_configuration,
+    read_moving,
+)
 from crossmodal.systems.kinematics.solver.joint_update import update as update_models
 from crossmodal.systems.kinematics.solver.parameter_priors import pitch_posterior
 from crossmodal.systems.port_values import JointBelief, JointModelBelief, JointType, PoseBelief
@@ -111,6 +117,9 @@ _RESTART_EVERY = 16  # Updates between fresh starts where the axis is better kno
 _ALL_MODELS_EVERY = 4  # Updates between solutions of all models (`joint_update.solve_all`).
 _OFTEN = 24  # A floor is tried at each of so many such solutions, later at every third.
 _RESCALE = 0.05  # Relative change of the noise's scale from which the keyframes follow it.
+_UNSEEN = 1.0  # Shorter steps are never lost by a turn, [s].
+_HALF_A_TURN = 0.5 * np.pi  # Standard deviation from which on a turn more or less is likely, [rad].
+_TELLING = 3.0  # Standard deviations by which a screw climbs per turn if that is seen.
 _SAME_POSE = 1e-12  # Largest difference between two copies of one measurement.
 
 
@@ -241,14 +250,17 @@ class JointFilters:
         correlated = np.zeros((6, 6)) if correlated is None else correlated
         correlated = covariance_array(correlated, "correlated", owner)
         fault = pose_fault(X_PB) or covariance_fault(covariance)
-        if fault := fault or time_fault(time, state.time) or covariance_fault(correlated):
+        if fault := fault or covariance_fault(correlated):
             return skip(state, fault)
-        if _is_repeated(state, X_PB, covariance, time):
-            return replace(skip(state, SkipReason.REPEATED), time=float(time))
+        before, fault = follow_clock(state, float(time))
+        if fault is not None:
+            return before
+        if _is_repeated(before, X_PB, covariance, time):
+            return replace(skip(before, SkipReason.REPEATED), time=float(time))
         try:
             # What overflows is found below, whether compiled functions or NumPy's computed it.
             with np.errstate(all="ignore"):
-                updated = self._updated(state, X_PB, covariance, float(time), correlated)
+                updated = self._updated(before, X_PB, covariance, float(time), correlated)
         except np.linalg.LinAlgError:
             return skip(state, SkipReason.NO_SOLUTION)
         if not np.isfinite(updated.models.log_evidence).all():
@@ -277,7 +289,9 @@ class JointFilters:
             # An unmeasured rotation must not bend the path between positions.
             X_FB[:3, :3] = keyframes.Z[keyframes.size[0] - 1, :3, :3]
         noise, scale = MeasurementNoise(*[x.copy() for x in state.noise]), state.scale
-        observe(noise, X_FB, R_reported, time, self._correlated)
+        now = time + state.clock
+        observe(noise, X_FB, R_reported, now, self._correlated)
+        zero_variance = self._with_turns(state, models, covariance, dt)
         estimated, r = estimated_scale(noise), correlations(noise)
         target = estimated
         if r.max() > 0.0:
@@ -294,7 +308,7 @@ class JointFilters:
         updates, index, deviations = state.updates + 1, state.floor_index, state.deviations_index
         rounds, all_models = updates // _ALL_MODELS_EVERY, updates % _ALL_MODELS_EVERY == 0
         restart, log_prior = _wants_restart(state), self._log_prior
-        update_models(models, keyframes, X_FB, R, time, priors, log_prior, restart, all_models)
+        update_models(models, keyframes, X_FB, R, now, priors, log_prior, restart, all_models)
         if all_models and (rounds <= _OFTEN or rounds % 3 == 0):
             tries = rounds if rounds <= _OFTEN else rounds // 3
             models, keyframes, index = with_likelier_floor(
@@ -307,7 +321,9 @@ class JointFilters:
         updated = replace(
             state,
             time=time,
+            longest=max(dt, state.longest),
             updates=updates,
+            zero_variance=zero_variance,
             models=models,
             keyframes=keyframes,
             noise=noise,
@@ -317,6 +333,23 @@ class JointFilters:
             deviations_index=deviations,
         )
         return self._with_probabilities(updated)
+
+    def _with_turns(self, state: JointFiltersState, models: Models, R: Array, dt: float) -> Array:
+        """`zero_variance` once it is not known by how many turns a joint has gone on unseen.
+
+        It is taken to have gone on by the fewest, from where it was in `models`.
+        """
+        variances = state.zero_variance.copy()
+        for kind in (REVOLUTE, SCREW) if dt > _UNSEEN else ():
+            climb = 2.0 * np.pi * abs(models.pitch[kind]) if kind == SCREW else 0.0
+            if climb > _TELLING * np.sqrt(np.trace(R[3:, 3:])):
+                continue  # Its height tells the turns.
+            S = _unmeasured_noise(state, kind, self.config)
+            P = predicted_configuration(models.state[kind], models.P[kind], S, dt)[1]
+            if P[0, 0] > _HALF_A_TURN**2:
+                variances[kind] += P[0, 0]
+                models.state[kind, 1] = 0.0
+        return variances
 
     def probabilities(self, state: JointFiltersState) -> dict[JointType, float]:
         """Of each type, given all measurements.
@@ -386,7 +419,7 @@ def _is_repeated(state: JointFiltersState, X_PB: Array, covariance: Array, time:
     last, kf = state.noise, state.keyframes
     if np.abs(se3.inverse(state.X_PF) @ X_PB - last.Z[-1]).max() >= _SAME_POSE:
         return False
-    if time == last.time[-1]:
+    if time + state.clock == last.time[-1]:
         return True
     differed = np.abs(kf.Z[: kf.size[0]] - kf.Z[0]).max() >= _SAME_POSE
     has_noise = np.diagonal(covariance).min() > LEAST_NOISE
@@ -402,13 +435,19 @@ def _wants_restart(state: JointFiltersState) -> bool:
     return bool(unknown) or (state.updates + 1) % _RESTART_EVERY == 0
 
 
+def _unmeasured_noise(state: JointFiltersState, kind: int, config: JointFiltersConfig) -> float:
+    """Density of a joint's acceleration while nothing is measured, [m^2/s^3] or [rad^2/s^3]."""
+    m, S = state.models, config.unmeasured_process_noise
+    if turns(kind):
+        S /= config.radius**2 + float(m.c[kind] @ m.c[kind]) + float(m.pitch[kind]) ** 2
+    return S
+
+
 def _moving_joint(
     state: JointFiltersState, kind: int, dt: float, config: JointFiltersConfig
 ) -> JointModelBelief:
     """What is believed of one kind of moving joint, predicted dt [s] ahead."""
-    m, S = state.models, config.unmeasured_process_noise
-    if turns(kind):
-        S /= config.radius**2 + float(m.c[kind] @ m.c[kind]) + float(m.pitch[kind]) ** 2
+    m, S = state.models, _unmeasured_noise(state, kind, config)
     vectors, axis, point, configuration, covariance = read_moving(
         kind,
         m,

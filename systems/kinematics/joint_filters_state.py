@@ -62,6 +62,10 @@ class JointFiltersState(Immutable):
         child_id: See `JointBelief`.
         X_PF: Measured reference pose (4, 4).
         time: Of the last measurement, [s].
+        clock: What is added to measurements' times to get the keyframes', [s]; not zero once their
+            clock has jumped.
+        suspect: Time of the measurement before the next that was far off the last; NaN for none.
+        longest: Step between two measurements, [s].
         updates: Measurements seen.
         models: Parameters, configuration and evidence of each model.
         keyframes: The measurements, averaged.
@@ -74,8 +78,8 @@ class JointFiltersState(Immutable):
         W_zero: See `read_configuration`.
         reference_noise: Covariance (6, 6), in B, of the measured reference.
         offset: Covariance (6, 6), in B, of the poses' constant error; not in the keyframes' noise.
-        zero_variance: (4,) by how far the child may have moved before the reference, by each model
-            of a joint.
+        zero_variance: (4,) by how far the child may have moved before the reference, and by how
+            many turns while nothing was measured, by each model of a joint.
         reset_count: Of parent and child together (`BodyMotion`).
         skipped: How many measurements were not used, by reason.
         probabilities: Of each type, given all measurements.
@@ -92,6 +96,9 @@ class JointFiltersState(Immutable):
     W_zero: Array
     reference_noise: Array
     zero_variance: Array
+    clock: float = 0.0
+    suspect: float = np.nan
+    longest: float = 0.0
     updates: int = 0
     scale: Array = field(default_factory=lambda: np.ones(6))
     reported: Array = field(default_factory=lambda: np.zeros((6, 6)))
@@ -127,6 +134,33 @@ def skip(state: JointFiltersState, reason: SkipReason) -> JointFiltersState:
     return replace(state, skipped=skipped)
 
 
+def follow_clock(
+    state: JointFiltersState, time: float
+) -> tuple[JointFiltersState, SkipReason | None]:
+    """The state at which a measurement's time follows the last; or with it skipped, and why.
+
+    A single time that is far off is wrong. Where the next one goes on from it, nothing was measured
+    for long, or the clock has jumped, which nobody can tell apart: then as much time has passed as
+    the clock says, but never more than `_MOST`, by which all is uncertain that may turn.
+    """
+    if not np.isfinite(time):
+        return skip(state, SkipReason.TIME_NOT_FINITE), SkipReason.TIME_NOT_FINITE
+    step, far = time - state.time, max(_FAR, _SLOWER * state.longest)
+    if 0.0 <= step <= far:
+        return replace(state, suspect=np.nan), None
+    before = state.suspect - state.time  # NaN is on neither side.
+    if abs(step) > far and before * step > 0.0 and time >= state.suspect:
+        passed = min(step, _MOST) if step > 0.0 else 2.0 * (time - state.suspect)
+        clock = state.clock + passed - step
+        return replace(state, time=time - passed, clock=clock, suspect=np.nan), None
+    reason = SkipReason.TIME_AHEAD if step > 0.0 else SkipReason.TIME_BACKWARDS
+    skipped = skip(state, reason)
+    return (replace(skipped, suspect=time) if abs(step) > far else skipped), reason
+
+
+_FAR = 10.0  # Step of the time that is believed at once, [s],
+_SLOWER = 10.0  # or so many times the longest one.
+_MOST = 100.0  # Longest time between two keyframes, [s].
 _NO_OUTLIERS = np.zeros(7)
 _OUTLIER = np.repeat([1.0, 0.3], 3)  # An outlier may be off by anything: [rad], [m].
 _FREE_TURN = 0.3  # Standard deviation of a free body's rotation after one second, [rad].

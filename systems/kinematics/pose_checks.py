@@ -33,6 +33,7 @@ class SkipReason(StrEnum):
     COVARIANCE_INDEFINITE = "covariance not positive semi-definite"
     TIME_NOT_FINITE = "time not finite"
     TIME_BACKWARDS = "time before the last"
+    TIME_AHEAD = "time far ahead of the last"
     REPEATED = "measurement repeated"
     NO_SOLUTION = "no finite solution"
 

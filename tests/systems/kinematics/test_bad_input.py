@@ -63,7 +63,15 @@ SPOILT: dict[SkipReason, list[Callable[[np.ndarray, np.ndarray, float], Measurem
         lambda X, P, t: (X, P @ (np.eye(6) + 2.0 * np.eye(6)[[1, 0, 2, 3, 4, 5]]), t),
     ],
     SkipReason.TIME_NOT_FINITE: [lambda X, P, t: (X, P, np.nan), lambda X, P, t: (X, P, np.inf)],
-    SkipReason.TIME_BACKWARDS: [lambda X, P, t: (X, P, t - 0.17)],
+    SkipReason.TIME_BACKWARDS: [
+        lambda X, P, t: (X, P, t - 0.17),
+        lambda X, P, t: (X, P, t - 3600.0),
+    ],
+    SkipReason.TIME_AHEAD: [
+        lambda X, P, t: (X, P, t + 60.0),
+        lambda X, P, t: (X, P, t + 3600.0),
+        lambda X, P, t: (X, P, 1e18),
+    ],
     SkipReason.REPEATED: [lambda X, P, t: (X, P, t)],
 }
 
@@ -126,6 +134,47 @@ def test_two_sensors_that_measure_at_one_instant_both_count() -> None:
     assert belief.type == JointType.REVOLUTE
     error = belief.model.configuration[0] - run.q[-1]
     assert error**2 < 9.0 * belief.model.configuration_covariance[0, 0]
+
+
+def _stamped(
+    stamp: Callable[[float], float], seed: int, gap: tuple[float, float] = (np.inf, np.inf)
+) -> tuple[JointFilters, JointFiltersState, Run]:
+    """A door's poses with other times, and none of them in a gap [s]."""
+    run, filters = simulate(SCENE, seed), JointFilters(JointFiltersConfig())
+    state = filters.start(run.measured[0], SCENE.covariance, stamp(0.0))
+    for time, X in zip(run.times[1:], run.measured[1:], strict=True):
+        if not gap[0] < time < gap[1]:
+            state = filters.update(state, X, SCENE.covariance, stamp(float(time)))
+    return filters, state, run
+
+
+@pytest.mark.parametrize("jump", [60.0, 8 * 3600.0, 86400.0, -3600.0, 1e9])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_clock_that_jumps_costs_one_measurement_and_no_false_claim(
+    jump: float, seed: int
+) -> None:
+    filters, state, run = _stamped(lambda t: 1e5 + t + (jump if t > 3.0 else 0.0), seed)
+    belief = filters.belief(state)
+    assert sum(belief.skipped.values()) == 1
+    assert belief.type == JointType.REVOLUTE
+    error = float(belief.model.configuration[0] - run.q[-1])
+    assert error**2 < 9.0 * belief.model.configuration_covariance[0, 0]
+    assert abs((error + np.pi) % (2.0 * np.pi) - np.pi) < 0.02
+
+
+def test_after_long_without_a_pose_the_turns_are_not_known() -> None:
+    filters, state, run = _stamped(lambda t: t + (300.0 if t > 3.0 else 0.0), 0)
+    model = filters.belief(state).model
+    assert model.configuration_covariance[0, 0] > (2.0 * np.pi) ** 2
+    assert abs(model.configuration[0] - run.q[-1]) < 0.02  # The fewest turns.
+    _, state, run = _stamped(lambda t: t, 0, gap=(2.0, 3.5))
+    assert filters.belief(state).model.configuration_covariance[0, 0] < 0.02**2
+
+
+def test_poses_that_come_seldom_are_used() -> None:
+    filters, state, _ = _stamped(lambda t: 300.0 * t, 0)
+    assert sum(state.skipped.values()) == 1
+    assert filters.belief(state).type == JointType.REVOLUTE
 
 
 def test_irregular_stamps_and_gaps_are_fine() -> None:

@@ -75,7 +75,7 @@ def parse_alone(model: Path, source: str) -> tuple[MultibodyPlant, SceneGraph, M
     parser = make_parser(plant)
     try:
         instances = parser.AddModels(str(model))
-    except (RuntimeError, ValueError) as error:
+    except (RuntimeError, ValueError, SystemExit) as error:
         raise ScenarioError(f"{source}.model: cannot be read: {one_line(error)}") from None
     if len(instances) != 1:
         raise ScenarioError(f"{source}.model = '{model}' holds {len(instances)} models, need one")

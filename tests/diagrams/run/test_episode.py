@@ -6,11 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from pydrake.geometry import Box
 
 from crossmodal.diagrams.applications import load_scenario
 from crossmodal.diagrams.crossmodal.application import APPLICATION
 from crossmodal.diagrams.joints.joint_metrics import JointEpisode, joint_episode
-from crossmodal.diagrams.run.episode import build_station, run_episode
+from crossmodal.diagrams.run.episode import build_station, building, run_episode
 from crossmodal.diagrams.run.folder.run_folder import SUMMARY_FILE, write_run
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 from crossmodal.systems.port_values import JointType
@@ -93,3 +94,11 @@ def test_the_same_seed_gives_the_same_summary(episode: JointEpisode, tmp_path: P
 def test_what_drake_refuses_is_a_fault_of_the_scenario(assignment: str) -> None:
     with pytest.raises(ScenarioError, match=r"^drawer: "):
         build_station(*load_scenario("drawer", [assignment]))
+
+
+def test_a_demand_of_drakes_that_fails_is_one_line() -> None:
+    with pytest.raises(ScenarioError, match=r"mine: Failure at .* in Box\(\): condition"):
+        with building("mine"):
+            Box(0.0, 1.0, 1.0)
+    with pytest.raises(SystemExit), building("mine"):
+        raise SystemExit(3)

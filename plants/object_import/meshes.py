@@ -1,5 +1,6 @@
 """Reads meshes of any common format and writes them as OBJ, which Drake renders and touches."""
 
+import hashlib
 import io
 import json
 import os
@@ -223,11 +224,20 @@ def _write_mtl(surface: Surface, path: Path) -> None:
     lines = ["newmtl surface", "Ks 0 0 0"]
     if surface.texture is not None:
         color = np.array([1.0, 1.0, 1.0, color[3]])
-        surface.texture.convert("RGB").save(path.with_suffix(".png"))
-        lines.append(f"map_Kd {path.stem}.png")
+        lines.append(f"map_Kd {_write_picture(surface.texture, path.parent)}")
     lines.append("Kd " + " ".join(f"{value:.6g}" for value in color[:3]))
     lines.append(f"d {color[3]:.6g}")
     path.with_suffix(".mtl").write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _write_picture(image: Image.Image, folder: Path) -> str:
+    """Name of a picture's file, which surfaces with the same picture share."""
+    plain = image.convert("RGB")
+    content = f"{plain.size}".encode() + plain.tobytes()
+    path = folder / f"{hashlib.sha256(content).hexdigest()[:16]}.png"
+    if not path.exists():
+        plain.save(path)
+    return path.name
 
 
 def _rows(kind: str, values: Array) -> list[str]:

@@ -226,6 +226,18 @@ def test_the_picture_of_a_mesh_is_found_however_it_is_named(line: str, tmp_path:
     assert not any("png" in warning for warning in warnings)
 
 
+def test_surfaces_with_the_same_picture_share_its_file(tmp_path: Path) -> None:
+    Image.new("RGB", (8, 8), (150, 100, 50)).save(tmp_path / "oak.png")
+    Image.new("RGB", (8, 8), (50, 100, 150)).save(tmp_path / "elm.png")
+    for k, name in enumerate(("oak", "oak", "elm")):
+        written(tmp_path, front_obj(f"mtllib {k}.mtl"), f"{k}.obj")
+        written(tmp_path, f"newmtl skin\nKd 1 1 1\nmap_Kd {name}.png\n", f"{k}.mtl")
+    parts = shapes(*(mesh(f"{k}.obj") for k in range(3)))
+    _, _, folder = copied(tmp_path, sideboard(parts))
+    assert len(list(folder.rglob("*.png"))) == 2
+    assert len(list(folder.rglob("*.mtl"))) == 3
+
+
 def test_a_picture_that_is_missing_or_placed_in_another_way_is_said(tmp_path: Path) -> None:
     Image.new("RGB", (8, 8)).save(tmp_path / "oak.png")
     written(tmp_path, front_obj("mtllib front.mtl"), "front.obj")

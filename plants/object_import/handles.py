@@ -58,9 +58,19 @@ def _along(part: trimesh.Trimesh) -> tuple[Array, Array, float, float]:
 
 def _near(solids: list[trimesh.Trimesh], middle: Array) -> trimesh.Trimesh:
     """What of solids is in a box around a place."""
-    near = trimesh.util.concatenate(solids) if solids else trimesh.Trimesh()
-    normals = np.concatenate([np.eye(3), -np.eye(3)])
-    for normal in normals:
+    low, high = middle - _AROUND, middle + _AROUND
+    parts = []
+    for solid in solids:
+        if solid.is_empty or (solid.bounds[1] < low).any() or (solid.bounds[0] > high).any():
+            continue
+        corners = solid.triangles
+        inside = (corners.max(axis=1) >= low).all(axis=1) & (corners.min(axis=1) <= high).all(
+            axis=1
+        )
+        if inside.any():
+            parts.append(trimesh.Trimesh(solid.vertices, solid.faces[inside], process=False))
+    near = trimesh.util.concatenate(parts) if parts else trimesh.Trimesh()
+    for normal in np.concatenate([np.eye(3), -np.eye(3)]):
         if not near.is_empty:
             near = slice_mesh_plane(near, normal, middle - _AROUND * normal)
     return near

@@ -3,6 +3,7 @@
 import signal
 import sys
 from importlib.metadata import version
+from types import FrameType
 from typing import Annotated
 
 import typer
@@ -75,9 +76,9 @@ app.command("diagram", epilog=diagram.EXAMPLES)(diagram.diagram_command)
 def main() -> int:
     """Entry point of the `crossmodal` command; bad options, too, are answered in one line.
 
-    Whoever ends it by SIGTERM gets what Ctrl-C gives: what is finished is kept, all else removed.
+    Whoever ends it by SIGTERM gets what Ctrl-C gives: what is finished is kept.
     """
-    signal.signal(signal.SIGTERM, lambda *_: signal.raise_signal(signal.SIGINT))
+    signal.signal(signal.SIGTERM, _interrupt)
     try:
         status = app(prog_name="crossmodal", standalone_mode=False)
     except Exception as error:
@@ -92,6 +93,12 @@ def main() -> int:
         )
         return BAD_INPUT
     return int(status or 0)
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    """Does what Ctrl-C does, also in a shell's background, where that is ignored."""
+    handler = signal.getsignal(signal.SIGINT)
+    (handler if callable(handler) else signal.default_int_handler)(number, frame)
 
 
 def _help_of(error: Exception) -> str:

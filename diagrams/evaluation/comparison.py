@@ -93,6 +93,8 @@ def read_compared(
             f"{folder}: holds neither a {SUMMARY_FILE} nor episodes;"
             " name the folder of a run or of an evaluation"
         )
+    if not is_within(folder, str((places[0] / SCENARIO_FILE).relative_to(folder))):
+        raise ScenarioError(f"{places[0] / SCENARIO_FILE}: is a link out of {folder}")
     document = read_yaml(places[0] / SCENARIO_FILE)
     system = str(document.get("system", ""))
     application = find_application(system, str(places[0] / SCENARIO_FILE))

@@ -65,9 +65,12 @@ def run_apart(
         The episode's summary, or that of a failure with its reason.
     """
     try:
+        if folder.is_symlink():
+            raise ScenarioError(f"{folder}: is a link to somewhere else; remove it")
         make_folder(folder)
         remove_run(folder)
-        (folder / ERROR_FILE).unlink(missing_ok=True)
+        for name in (ERROR_FILE, LOG_FILE):  # They may be links.
+            (folder / name).unlink(missing_ok=True)
         write_scenario(folder, application, scenario)
         log = (folder / LOG_FILE).open("wb")
     except (OSError, ScenarioError) as error:
@@ -103,16 +106,14 @@ def ending_with_this_process(function: Callable[P, R]) -> Callable[P, R]:
 
 def _run_and_watch(caller: int, function: Callable[P, R], *args: P.args, **kwargs: P.kwargs) -> R:
     if os.getpid() != caller:
-        _watch_parent()
+        _end_with(caller)
     return function(*args, **kwargs)
 
 
 @cache
-def _watch_parent() -> None:
-    parent = os.getppid()
-
+def _end_with(caller: int) -> None:
     def watch() -> None:
-        while os.getppid() == parent:
+        while os.getppid() == caller:  # Who has none any more gets another one.
             time.sleep(1.0)
         os._exit(1)
 

@@ -67,6 +67,8 @@ def read_surfaces(path: Path, scale: Array, files: MeshFiles, warn: Warn) -> lis
     """
     try:
         scene = _loaded(path, files, warn)
+    except EmptyMeshError:
+        raise
     except Exception as error:  # Every loader of trimesh raises its own kinds.
         reason = " ".join(str(error).split()) or type(error).__name__
         raise ValueError(f"{path}: cannot be read as a mesh: {reason}") from error
@@ -110,7 +112,9 @@ def _loaded(path: Path, files: MeshFiles, warn: Warn) -> trimesh.Scene:
         needed = str(_gltf_header(content).get("extensionsRequired"))
         for name in (name for name in _COMPRESSIONS if name in needed):
             raise ValueError(f"is compressed by {name}; export it without")
-    elif suffix == ".stl" and b"facet" not in content[:_STL_TEXT]:
+    elif suffix == ".stl" and b"facet" not in content[:_STL_TEXT].lower():
+        if content.lstrip().lower().startswith(b"solid") and b"endsolid" in content.lower():
+            raise EmptyMeshError(f"{path}: holds no triangles")
         count = struct.unpack("<I", content[80:_STL_HEAD])[0] if len(content) >= _STL_HEAD else 0
         whole = (len(content) - _STL_HEAD) // _STL_FACE
         if len(content) < _STL_HEAD or whole < count:
@@ -154,7 +158,8 @@ def _look(mesh: trimesh.Trimesh) -> tuple[Array | None, Image.Image | None]:
         if texture is not None:
             visual.uv, texture = _without_repeats(visual.uv, texture)
         color = np.asarray(material.main_color, dtype=float) / 255.0
-        color[3] *= opacity(material.kwargs)
+        # Exporters do not agree on what Tr counts; nobody models what cannot be seen.
+        color[3] *= opacity(material.kwargs) or 1.0
         return color, texture
     if visual.kind in ("face", "vertex"):
         colors = visual.face_colors if visual.kind == "face" else visual.vertex_colors

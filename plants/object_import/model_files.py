@@ -50,14 +50,13 @@ class ModelFiles:
         """The real path of the file that a URI names.
 
         `package://` and `model://` names are looked for in the folders around the file, then in
-        the folders of the usual environment variables.
+        the folders of the usual environment variables. Where there is none of that name, it may be
+        percent-encoded, or in other upper and lower case, as on disks that tell none apart.
 
         Args:
+            uri: The name.
             base: Folder of the file that names it.
             element: What names it, for the message.
-
-        Where there is none of that name, it may be percent-encoded, or in other upper and lower
-        case, as on disks that tell none apart.
 
         Raises:
             MissingFileError: in one line, where there is none.
@@ -120,17 +119,23 @@ def _is_there(path: Path) -> bool:
 def _differently_written(path: Path) -> Path | None:
     """The file whose name is the same once it is decoded and in lower case; None for none."""
     found = Path(path.anchor)
-    for part in Path(unquote(str(path))).parts[len(found.parts) :]:
+    # A part that is decoded may have become several.
+    parts = list(path.parts[len(found.parts) :])
+    while parts:
+        part = parts.pop(0)
         below = found / part
+        if not os.path.exists(below) and "/" in unquote(part):
+            parts[:0] = unquote(part).split("/")
+            continue
         if not os.path.exists(below):
             try:
                 names = sorted(os.listdir(found))
             except OSError:
                 return None
-            alike = [name for name in names if name.casefold() == part.casefold()]
-            if not alike:
+            alike = {unquote(part).casefold(), part.casefold()}
+            below = next((found / name for name in names if name.casefold() in alike), below)
+            if not os.path.exists(below):
                 return None
-            below = found / alike[0]
         found = below
     return found
 

@@ -3,6 +3,7 @@
 import copy
 import os
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree import ElementTree
@@ -38,10 +39,13 @@ _ENCODING = re.compile(rb"<\?xml\s[^>]*?encoding\s*=\s*[\"']?([\w.-]+)")
 _DEEPEST = 200  # Elements within each other.
 _MOST_INCLUDES = 1000  # Of other files.
 _GREY = "0.6 0.6 0.6 1"
+_UNLIMITED = ("fixed", "continuous", "floating", "ball")  # Joints that have no limits.
 _SUSPICIOUS = 10.0  # Smaller meshes are in metres, [m].
+_PLACED = ("link", "joint", "visual", "collision")  # Not models, which stand anywhere in a world.
 _USUAL = 0.5  # Size of an object of which nothing else is known, [m].
 _SCENERY = ("sun", "ground_plane")  # Gazebo's own, in most of its worlds.
 _EXPRESSION = re.compile(r"\$\{|\$\((find|arg|env|optenv|eval|dirname)\b")  # Of xacro.
+_MeshKey = tuple[Path, tuple[float, ...], bool]  # See `Repair._mesh_key`.
 ElementTree.register_namespace("drake", "drake.mit.edu")
 _DRAKE = "{drake.mit.edu}"
 
@@ -158,7 +162,7 @@ class Repair:
         self._included_files = 0
         self._missing: list[str] = []  # Meshes that there are not, or that hold nothing.
         self._links: dict[str, list[str]] = {}  # Links by the note about them.
-        self._surfaces: dict[tuple[Path, tuple[float, ...]], list[Surface]] = {}
+        self._surfaces: dict[_MeshKey, list[Surface]] = {}
         self._written: dict[object, list[Path]] = {}
 
     def run(self, model: ModelSource) -> None:
@@ -175,10 +179,11 @@ class Repair:
             for name in ("transmission", "plugin", "sensor", "gazebo", "actor", "state", "light"):
                 for child in element.findall(name):
                     element.remove(child)
-        self._repair_materials(root)
+        defined = self._defined_materials(root)
         for link in root.iter("link"):
             self._leave_out(link)
             self._touch_what_is_seen(link)
+        self._repair_materials(root, defined)
         shapes = [s for link in root.iter("link") for s in link if s.tag in ("visual", "collision")]
         if self._missing and not shapes:
             raise ValueError(self._missing[0])
@@ -271,20 +276,24 @@ class Repair:
         elif node.tag == "material":
             self._find_texture(node, base)
 
-    def _repair_materials(self, root: Element) -> None:
-        """Makes those grey of which a URDF says nothing but the name."""
-        known = {
-            material.get("name")
-            for material in root.iter("material")
-            if material.find("color") is not None or material.find("texture") is not None
-        }
+    def _defined_materials(self, root: Element) -> dict[str | None, Element]:
+        """Those of a URDF that have a look, by their names; wherever it stands."""
+        found: dict[str | None, Element] = {}
+        for material in root.iter("material") if root.tag == "robot" else ():
+            if len(material):
+                found.setdefault(material.get("name"), material)
+        return found
+
+    def _repair_materials(self, root: Element, defined: Mapping[str | None, Element]) -> None:
+        """Gives each visual of a URDF its material's look; grey, where there is none."""
         for visual in root.iter("visual") if root.tag == "robot" else ():
             for material in visual.findall("material"):
                 name = material.get("name")
-                if name not in known and not len(material):
+                if not len(material) and name in defined:
+                    material.extend(copy.deepcopy(list(defined[name])))
+                elif not len(material):
                     self._warn(f"material '{name}' is defined nowhere, so it is grey")
                     ElementTree.SubElement(material, "color", {"rgba": _GREY})
-                    known.add(name)
 
     def _find_texture(self, material: Element, base: Path) -> None:
         """Leaves a material the texture that is an image of the model's, or none."""
@@ -341,12 +350,12 @@ class Repair:
         """Why a <mesh> is left out; empty for one that was read."""
         if mesh.get("missing") is not None:
             return f"mesh '{mesh.get('missing')}', which there is not, left out"
-        path, scale = self._mesh_key(mesh)
+        key = path, scale, _ = self._mesh_key(mesh)
         files = MeshFiles(self._files, path.parent, lambda line: self._warn(f"{path.name}: {line}"))
         try:
-            if (path, scale) not in self._surfaces:
+            if key not in self._surfaces:
                 found = read_surfaces(path, np.array(scale), files, files.warn)
-                self._surfaces[path, scale] = found
+                self._surfaces[key] = found
         except EmptyMeshError as error:
             self._missing.append(str(error))
             return f"mesh {path.name}, which holds no triangles, left out"
@@ -385,12 +394,12 @@ class Repair:
                 ElementTree.SubElement(element, "uri").text = str(file)
             link.insert(place + number, part)
 
-    def _mesh_key(self, mesh: Element) -> tuple[Path, tuple[float, ...]]:
-        """File and scale of a <mesh>."""
+    def _mesh_key(self, mesh: Element) -> _MeshKey:
+        """File and scale of a <mesh>, and whether its unit may be another than metres."""
         path = Path(mesh.get("filename") or mesh.findtext("uri") or "")
-        text = mesh.get("scale") or mesh.findtext("scale") or "1 1 1"
-        scale = self._numbers(text, (1, 3), f"<mesh> {path.name}: scale")
-        return path, tuple(np.broadcast_to(scale, 3).tolist())
+        text = mesh.get("scale") or mesh.findtext("scale")
+        scale = self._numbers(text or "1 1 1", (1, 3), f"<mesh> {path.name}: scale")
+        return path, tuple(np.broadcast_to(scale, 3).tolist()), text is None
 
     def _guess_unit(self, root: Element) -> None:
         """Takes meshes for millimetres that are so large beside the rest of the model.
@@ -400,8 +409,8 @@ class Repair:
         """
         sizes = {
             key: extent(self._surfaces[key])
-            for key in {self._mesh_key(m) for m in root.iter("mesh") if _has_no_scale(m)}
-            if key in self._surfaces
+            for key in map(self._mesh_key, root.iter("mesh"))
+            if key in self._surfaces and key[2]
         }
         if not sizes or max(sizes.values()) < _SUSPICIOUS:
             return
@@ -418,7 +427,7 @@ class Repair:
             for surface in self._surfaces[key]:
                 surface.mesh.apply_scale(0.001)
 
-    def _converted(self, mesh: tuple[Path, tuple[float, ...]], is_visual: bool) -> list[Path]:
+    def _converted(self, mesh: _MeshKey, is_visual: bool) -> list[Path]:
         path, key = mesh[0], (mesh, is_visual)
         if key not in self._written:
             surfaces = self._surfaces[mesh]
@@ -495,6 +504,10 @@ class Repair:
 
     def _repair_limits(self, joint: Element) -> None:
         """URDF knows no infinite limits, so none is given instead. The copy has no motor."""
+        if joint.get("type") in _UNLIMITED:
+            for parent in (joint, *joint.findall("axis")):
+                for limit in parent.findall("limit"):
+                    parent.remove(limit)
         for limit in joint.iter("limit"):
             for key in ("effort", "velocity"):
                 limit.attrib.pop(key, None)
@@ -547,18 +560,15 @@ def _sizes(shape: Element) -> list[float]:
     return [size if np.isfinite(size) else 0.0 for size in sizes]
 
 
-def _has_no_scale(mesh: Element) -> bool:
-    return mesh.get("scale") is None and mesh.find("scale") is None
-
-
 def _lengths_beside_meshes(root: Element) -> list[float]:
     """Distances of places from each other and the shapes' longest edges, none of them zero."""
     lengths = list[float]()
     for node in root.iter():
         if node.tag in LENGTHS:
             lengths.append(max(_sizes(node), default=0.0))
-        text = node.get("xyz") if node.tag == "origin" else node.text
-        if node.tag in ("origin", "pose"):
+        if node.tag not in _PLACED:
+            continue
+        for text in (node.findtext("pose"), *(each.get("xyz") for each in node.findall("origin"))):
             try:
                 values = [float(part) for part in (text or "").split()[:3]]
             except ValueError:

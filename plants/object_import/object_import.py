@@ -15,7 +15,7 @@ from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant, Multibody
 from pydrake.multibody.tree import BodyIndex, FixedOffsetFrame, Frame, FrameIndex, Joint, RigidBody
 from pydrake.systems.framework import DiagramBuilder
 
-from crossmodal.plants.object_import import MODEL_FILE
+from crossmodal.plants.object_import import COPIED_FOLDERS, MODEL_FILE
 from crossmodal.plants.object_import.flat_model import (
     DENSITY,
     Chain,
@@ -28,7 +28,7 @@ from crossmodal.plants.object_import.flat_model import (
 from crossmodal.plants.object_import.meshes import Warn
 from crossmodal.plants.object_import.model_source import ModelSource, Repair, read_model
 
-_DRAKE = "{drake.mit.edu}"
+_FILES = ("uri", "{drake.mit.edu}diffuse_map")  # Elements that name files in a copy.
 _REFUSALS = (RuntimeError, ValueError, SystemExit)  # The last one by demands of Drake that fail.
 
 
@@ -111,17 +111,31 @@ def import_object(
     # Within a comment XML allows no two dashes in a row.
     header = f'<?xml version="1.0"?>\n<!--\n{re.sub("-(?=-)", "- ", comment)}-->\n'
     imported.model.write_text(f"{header}{text}\n", encoding="utf-8")
-    if _alike(read_model(source).root, ElementTree.fromstring(text)):
+    given = read_model(source).root
+    if _alike(given, ElementTree.fromstring(text)) and _is_whole(given, source.parent.resolve()):
         imported.model = source  # It is such a copy, and stays the same to the last digit.
     return imported
+
+
+def _is_whole(model: Element, folder: Path) -> bool:
+    """Whether all files that a model names are such as an import writes, and where it does."""
+    for node in model.iter():
+        if node.tag in _FILES:
+            path = folder / (node.text or "")
+            own = [folder / name for name in COPIED_FOLDERS]
+            if path.resolve().parent not in own or path.suffix not in (".obj", ".png"):
+                return False
+            if not path.is_file():
+                return False
+    return True
 
 
 def _alike(first: Element, second: Element) -> bool:
     """Whether two models say the same but for rounding (of colours, too) and names of files."""
     if first.tag != second.tag or len(first) != len(second):
         return False
-    if first.tag in ("uri", f"{_DRAKE}diffuse_map"):
-        return True  # Both were found to belong to their models.
+    if first.tag in _FILES:
+        return True
     if first.attrib.keys() != second.attrib.keys():
         return False
     texts = [(first.text, second.text)]

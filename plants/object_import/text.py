@@ -10,16 +10,18 @@ _MARKS = {
 
 
 def decoded(content: bytes, said: str = "") -> str:
-    """The text in a file: by its byte order mark, as it says, in UTF-8, or else in Latin-1.
+    """The text in a file: by its byte order mark, in UTF-8, as it says, or else in Latin-1.
+
+    What is valid UTF-8 is hardly ever anything else, whatever it says.
 
     Args:
         content: Of the file.
         said: Name of the encoding that the file says it has; empty for none.
     """
     marked = [name for mark, name in _MARKS.items() if content.startswith(mark)]
-    for name in [*marked, *filter(None, [said]), "utf-8"]:
+    for name in [*marked, "utf-8", *filter(None, [said])]:
         try:
             return content.decode(name)
-        except (UnicodeDecodeError, LookupError):
+        except (UnicodeError, LookupError):
             continue
     return content.decode("latin-1")

@@ -7,7 +7,7 @@ from crossmodal.plants.object_import.text import decoded
 
 LIBRARY = "all.mtl"  # Name of the one that stands for all material libraries of a mesh.
 
-_LIBRARY = re.compile(r"^[ \t]*mtllib[ \t]+(.+?)[ \t]*$", re.MULTILINE)
+_LIBRARY = re.compile(r"^[ \t]*mtllib[ \t](.*)$", re.MULTILINE)
 # Options that may stand before the name of a picture, and how many values they have at most.
 _OPTIONS = {
     **dict.fromkeys(("-blendu", "-blendv", "-boost", "-texres", "-clamp", "-bm", "-imfchan"), 1),
@@ -33,7 +33,7 @@ def plain_obj(
     """
     text = decoded(content)
     libraries = []
-    for names in _LIBRARY.findall(text):
+    for names in map(str.strip, _LIBRARY.findall(text)):
         found = _libraries(names, read)
         libraries += [decoded(each) for each in found]
         if not found:

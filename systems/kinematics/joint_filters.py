@@ -321,7 +321,6 @@ class JointFilters:
         updated = replace(
             state,
             time=time,
-            longest=max(dt, state.longest),
             updates=updates,
             zero_variance=zero_variance,
             models=models,

@@ -65,7 +65,7 @@ class JointFiltersState(Immutable):
         clock: What is added to measurements' times to get the keyframes', [s]; not zero once their
             clock has jumped.
         suspect: Time of the measurement before the next that was far off the last; NaN for none.
-        longest: Step between two measurements, [s].
+        usual: Step between two measurements where they come seldom, [s]; else zero.
         updates: Measurements seen.
         models: Parameters, configuration and evidence of each model.
         keyframes: The measurements, averaged.
@@ -98,7 +98,7 @@ class JointFiltersState(Immutable):
     zero_variance: Array
     clock: float = 0.0
     suspect: float = np.nan
-    longest: float = 0.0
+    usual: float = 0.0
     updates: int = 0
     scale: Array = field(default_factory=lambda: np.ones(6))
     reported: Array = field(default_factory=lambda: np.zeros((6, 6)))
@@ -145,22 +145,26 @@ def follow_clock(
     """
     if not np.isfinite(time):
         return skip(state, SkipReason.TIME_NOT_FINITE), SkipReason.TIME_NOT_FINITE
-    step, far = time - state.time, max(_FAR, _SLOWER * state.longest)
+    step = time - state.time
+    far = max(_FAR, _SLOWER * state.usual) if step > 0.0 else _FAR
     if 0.0 <= step <= far:
         return replace(state, suspect=np.nan), None
-    before = state.suspect - state.time  # NaN is on neither side.
-    if abs(step) > far and before * step > 0.0 and time >= state.suspect:
-        passed = min(step, _MOST) if step > 0.0 else 2.0 * (time - state.suspect)
+    is_far, before = abs(step) > far, state.suspect - state.time  # NaN is on neither side.
+    if is_far and before * step > 0.0 and time > state.suspect:
+        since = time - state.suspect
+        passed = min(step if step > 0.0 else 2.0 * since, _MOST)
         clock = state.clock + passed - step
-        return replace(state, time=time - passed, clock=clock, suspect=np.nan), None
+        found = replace(state, time=time - passed, clock=clock, suspect=np.nan)
+        # Where even these two are far from each other, poses come seldom.
+        return (replace(found, usual=min(since, _MOST)) if since > far else found), None
     reason = SkipReason.TIME_AHEAD if step > 0.0 else SkipReason.TIME_BACKWARDS
     skipped = skip(state, reason)
-    return (replace(skipped, suspect=time) if abs(step) > far else skipped), reason
+    return (replace(skipped, suspect=time) if is_far else skipped), reason
 
 
 _FAR = 10.0  # Step of the time that is believed at once, [s],
-_SLOWER = 10.0  # or so many times the longest one.
-_MOST = 100.0  # Longest time between two keyframes, [s].
+_SLOWER = 10.0  # or so many times what is usual where poses come seldom.
+_MOST = 100.0  # Time that is taken to pass at most while nothing is measured, [s].
 _NO_OUTLIERS = np.zeros(7)
 _OUTLIER = np.repeat([1.0, 0.3], 3)  # An outlier may be off by anything: [rad], [m].
 _FREE_TURN = 0.3  # Standard deviation of a free body's rotation after one second, [rad].

@@ -34,7 +34,6 @@ MESHCAT_FILE = "meshcat.html"
 SENSORS_FILE = "sensors.mcap"
 PAGE_FILE = "report.html"
 PLOT_FOLDER = "figures"
-_LONGEST = 255  # Name of a file, [bytes].
 # What a run may write whatever its application is.
 FILES = (SCENARIO_FILE, ESTIMATES_FILE, SUMMARY_FILE, MESHCAT_FILE, SENSORS_FILE, PAGE_FILE)
 
@@ -97,6 +96,8 @@ def opened(folder: Path, *, force: bool = False, numbered: bool = False) -> Iter
 def read_summary(folder: Path) -> dict[str, Any]:
     """What `summary.json` in a folder holds; nothing where there is none, or another one."""
     try:
+        if not is_within(folder, SUMMARY_FILE) or not (folder / SUMMARY_FILE).is_file():
+            return {}
         summary = json.loads((folder / SUMMARY_FILE).read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError):
         return {}
@@ -109,7 +110,9 @@ def is_within(folder: Path, name: object) -> bool:
         return False
     try:
         path = (folder / name).resolve()
-        return path.is_relative_to(folder.resolve()) and len(os.fsencode(path.name)) <= _LONGEST
+        with contextlib.suppress(FileNotFoundError, NotADirectoryError):
+            path.stat()  # A name may be too long.
+        return path.is_relative_to(folder.resolve())
     except (OSError, ValueError):  # No path can be so.
         return False
 
@@ -124,7 +127,7 @@ def files_of_run(folder: Path) -> list[str]:
 def remove_run(folder: Path, *, kept: Collection[str] = ()) -> None:
     """Removes the files of the run in a folder, and folders that are empty then."""
     for name in files_of_run(folder):
-        if name not in kept:
+        if name not in kept and not (folder / name).is_dir():
             (folder / name).unlink(missing_ok=True)
             with contextlib.suppress(OSError):
                 for parent in PurePosixPath(name).parents[:-1]:

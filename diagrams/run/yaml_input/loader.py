@@ -42,6 +42,8 @@ def _check_size(text: str, source: str) -> None:
         if isinstance(event, yaml.ScalarEvent):
             name, size = event.anchor, 1
         elif isinstance(event, yaml.AliasEvent):
+            if event.anchor in (anchor for anchor, _ in within):
+                raise ScenarioError(f"{source}: '*{event.anchor}' stands within itself")
             name, size = None, sizes.get(event.anchor, 0)
         elif isinstance(event, yaml.CollectionEndEvent):
             name, size = within.pop()

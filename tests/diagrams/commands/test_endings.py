@@ -28,12 +28,18 @@ def test_what_may_not_be_written_is_said_in_one_line(capsys: pytest.CaptureFixtu
     assert capsys.readouterr().err == "crossmodal: set NUMBA_CACHE_DIR to a folder\n"
 
 
-def test_being_terminated_is_being_interrupted(monkeypatch: pytest.MonkeyPatch) -> None:
-    before = signal.getsignal(signal.SIGTERM)
+@pytest.mark.parametrize("interrupt", [signal.default_int_handler, signal.SIG_IGN])
+def test_being_terminated_is_being_interrupted(
+    interrupt: object, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also in a shell's background, where interrupts are ignored."""
+    before = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGINT)}
     monkeypatch.setattr(sys, "argv", ["crossmodal", "--version"])
     try:
+        signal.signal(signal.SIGINT, interrupt)
         assert main() == 0
         with pytest.raises(KeyboardInterrupt):
             os.kill(os.getpid(), signal.SIGTERM)
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)

@@ -123,6 +123,10 @@ def test_no_link_is_followed_out_of_a_run(tmp_path: Path) -> None:
     (folder / "figures" / "mine.png").symlink_to(tmp_path / "mine.png")
     (folder / "figures" / "same.png").symlink_to(folder / "figures" / "errors_over_time.png")
     assert sorted(read(folder).pictures) == ["errors over time", "same"]
+    (folder / "scenario.yaml").rename(tmp_path / "mine.yaml")
+    (folder / "scenario.yaml").symlink_to(tmp_path / "mine.yaml")
+    with pytest.raises(ScenarioError, match="is a link out of"):
+        read(folder)
 
 
 @pytest.mark.parametrize(

@@ -27,6 +27,14 @@ def test_an_episode_whose_folder_cannot_be_made_is_a_failure(tmp_path: Path) -> 
     assert "seed-0000: cannot be written" in summary["failure"]
 
 
+def test_an_episode_s_folder_that_is_a_link_is_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "seed-0000").symlink_to(tmp_path / "mine")
+    summary = run_apart(*load_scenario("drawer"), tmp_path / "seed-0000", {})
+    assert "seed-0000: is a link to somewhere else" in summary["failure"]
+    assert list((tmp_path / "mine").iterdir()) == []
+
+
 def test_a_process_that_is_killed_while_it_runs_is_reported(tmp_path: Path) -> None:
     def kill() -> None:
         while not process._RUNNING:

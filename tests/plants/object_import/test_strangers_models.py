@@ -54,6 +54,13 @@ def test_text_of_other_encodings_is_read(encoding: str, is_said: bool, tmp_path:
     assert found.links[0].name == "Körper"
 
 
+@pytest.mark.parametrize("said", ["utf-16", "iso-8859-1", "undefined", "no-such-code", "ascii"])
+def test_utf_8_is_read_whatever_it_says(said: str, tmp_path: Path) -> None:
+    head = f'<?xml version="1.0" encoding="{said}"?>'
+    text = sideboard(head=head).replace('"shell"', '"Körper"')
+    assert looked_into(tmp_path, text.encode()).links[0].name == "Körper"
+
+
 @pytest.mark.parametrize("name", ["side---board", "--", "a-->b", "-"])
 def test_a_file_of_any_name_has_a_copy_that_is_read(name: str, tmp_path: Path) -> None:
     source = written(tmp_path, sideboard(), f"{name}.urdf")
@@ -67,6 +74,20 @@ def test_a_file_that_only_says_it_is_a_copy_is_checked_as_any_other(tmp_path: Pa
     changed = re.sub(r"<plugin.*", "", text).replace("<ixx>", "<ixx>9")
     again = written(tmp_path / "forged", changed, "object.sdf")
     assert import_object(again, tmp_path / "again", grasp_frame="tray").model != again
+
+
+@pytest.mark.parametrize("name", ["meshes/FRONT_0_visual_0.obj", "meshes/h.stl", "h.obj"])
+def test_a_copy_whose_files_are_not_an_import_s_is_imported_again(
+    name: str, tmp_path: Path
+) -> None:
+    written(tmp_path, front_obj(), "front.obj")
+    text, _, folder = copied(tmp_path, sideboard(shapes(mesh("front.obj"))))
+    box = trimesh.creation.box([0.02, 0.42, 0.18])
+    if "FRONT" not in name:
+        box.export(folder / name)
+    changed = written(folder, text.replace("meshes/front_0_visual_0.obj", name), "mine.sdf")
+    again = import_object(changed, tmp_path / "again", grasp_frame="tray")
+    assert again.model != changed
 
 
 @pytest.mark.parametrize(
@@ -100,6 +121,16 @@ def test_shapes_without_an_extent_are_left_out(shape: str, why: str, tmp_path: P
 def test_what_a_motor_can_do_does_not_matter(limit: str, tmp_path: Path) -> None:
     (fact,) = looked_into(tmp_path, sideboard(limit=limit)).joints
     assert (fact.lower, fact.upper) == (0.0, 0.3)
+
+
+@pytest.mark.parametrize("kind", ["fixed", "continuous"])
+def test_limits_of_joints_that_have_none_do_not_matter(kind: str, tmp_path: Path) -> None:
+    more = (
+        f'<link name="knob">{shapes(BAR)}</link><joint name="turn" type="{kind}"><parent'
+        ' link="shell"/><child link="knob"/><axis xyz="0 0 1"/><limit lower="3.14" upper="-3.14"/>'
+        "</joint>"
+    )
+    assert looked_into(tmp_path, sideboard(more=more)).joints[1].name == "turn"
 
 
 @pytest.mark.parametrize(
@@ -191,8 +222,22 @@ def test_a_material_that_is_defined_nowhere_is_grey(tmp_path: Path) -> None:
     assert "<diffuse>0.6" in text
 
 
+@pytest.mark.parametrize("first", ["knob-7.obj", "front.obj"])
+def test_a_material_is_found_wherever_it_is_defined(first: str, tmp_path: Path) -> None:
+    written(tmp_path, front_obj(), "front.obj")
+    red = '<material name="red"><color rgba="1 0 0 1"/></material>'
+    part = (
+        f'<visual>{FRONT}<material name="red"/></visual><collision>{FRONT}</collision>'
+        f"<visual>{mesh(first)}{red}</visual>"
+    )
+    text, warnings, _ = copied(tmp_path, sideboard(part))
+    assert not any("grey" in line for line in warnings)
+    assert "<diffuse>1.0 0.0 0.0 1.0</diffuse>" in text
+
+
 @pytest.mark.parametrize("name", ["Parts/Front.OBJ", "parts/front.obj", "parts%2Ffront.obj"])
 def test_a_file_is_found_in_other_case_and_percent_encoded(name: str, tmp_path: Path) -> None:
+    tmp_path = tmp_path / "Door%20v2"
     written(tmp_path / "parts", front_obj(), "front.obj")
     found = looked_into(tmp_path, sideboard(shapes(mesh(name))))
     assert_allclose(found.links[1].size, [0.078, 0.42, 0.18], atol=1e-6)
@@ -257,6 +302,8 @@ def test_a_picture_that_is_missing_or_placed_in_another_way_is_said(tmp_path: Pa
         ("Kd 1 0 0\nd -halo 0.5", [1, 0, 0], 0.5),
         ("Kd 1 0 0", [1, 0, 0], 1.0),
         ("Kd 1 0 0\nd much", [1, 0, 0], 1.0),
+        ("Kd 1 0 0\nTr 1", [1, 0, 0], 1.0),
+        ("Kd 1 0 0\nd 0", [1, 0, 0], 1.0),
     ],
 )
 def test_glass_stays_glass(lines: str, color: list[float], alpha: float, tmp_path: Path) -> None:
@@ -269,7 +316,9 @@ def test_glass_stays_glass(lines: str, color: list[float], alpha: float, tmp_pat
     assert_allclose(np.array(values["Kd"].split(), float), color, atol=0.003)
 
 
-@pytest.mark.parametrize("lines", ["mtllib a.mtl\nmtllib b c.mtl", "mtllib a.mtl b.mtl"])
+@pytest.mark.parametrize(
+    "lines", ["mtllib a.mtl\nmtllib b c.mtl", "mtllib a.mtl b.mtl", "mtllib  a.mtl b.mtl \r"]
+)
 def test_all_libraries_of_a_mesh_are_read(lines: str, tmp_path: Path) -> None:
     written(tmp_path, front_obj(lines), "front.obj")
     written(tmp_path, "newmtl other\nKd 0 0 1\n", "a.mtl")
@@ -302,6 +351,13 @@ def test_meshes_that_cannot_be_read_are_refused_by_why(tmp_path: Path) -> None:
         written(tmp_path, content, name)
         with pytest.raises(ValueError, match=why):
             looked_into(tmp_path, sideboard(shapes(mesh(name))))
+    written(tmp_path, b"solid Default\nendsolid Default\n", "front.stl")
+    found = looked_into(tmp_path, sideboard(shapes(FRONT) + shapes(mesh("front.stl"))))
+    assert any("holds no triangles, left out" in line for line in found.warnings)
+    text = trimesh.exchange.stl.export_stl_ascii(front).upper()
+    written(tmp_path, text, "front.stl")
+    found = looked_into(tmp_path, sideboard(shapes(mesh("front.stl"))))
+    assert_allclose(found.links[1].size, [0.078, 0.42, 0.18], atol=1e-6)
     written(tmp_path, b"solid " + stl[6:], "front.stl")
     found = looked_into(tmp_path, sideboard(shapes(mesh("front.stl"))))
     assert_allclose(found.links[1].size, [0.078, 0.42, 0.18], atol=1e-6)
@@ -330,6 +386,18 @@ def test_meshes_are_in_the_unit_that_fits_the_rest(
     found = looked_into(tmp_path, text)
     assert_allclose(found.links[0].size[1], edge, rtol=1e-6)
     assert_allclose(found.links[1].size, [0.078, 0.42, 0.18], atol=1e-6)
+
+
+@pytest.mark.parametrize("place", ["0 0 0", "50 20 0"])
+def test_where_a_model_stands_does_not_tell_its_unit(place: str, tmp_path: Path) -> None:
+    box = trimesh.creation.box([400.0, 800.0, 200.0])
+    written(tmp_path, trimesh.exchange.obj.export_obj(box), "box.obj")
+    part = "<geometry><mesh><uri>box.obj</uri></mesh></geometry>"
+    text = (
+        f'<sdf version="1.9"><world name="w"><model name="m"><pose>{place} 0 0 0</pose>'
+        f'<link name="l"><collision name="c">{part}</collision></link></model></world></sdf>'
+    )
+    assert_allclose(inspect_model(written(tmp_path, text, "m.sdf")).links[0].size[1], 0.8)
 
 
 def test_frames_that_drake_makes_are_not_the_models(tmp_path: Path) -> None:

@@ -162,6 +162,38 @@ def test_a_clock_that_jumps_costs_one_measurement_and_no_false_claim(
     assert abs((error + np.pi) % (2.0 * np.pi) - np.pi) < 0.02
 
 
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_clock_that_jumps_there_and_back_is_followed(seed: int) -> None:
+    filters, state, run = _stamped(lambda t: t + (500.0 if 2.0 < t < 4.0 else 0.0), seed)
+    belief = filters.belief(state)
+    assert sum(belief.skipped.values()) == 2
+    error = float(belief.model.configuration[0] - run.q[-1])
+    assert abs((error + np.pi) % (2.0 * np.pi) - np.pi) < 0.02
+
+
+def test_a_wrong_time_that_is_sent_twice_is_wrong() -> None:
+    run, filters = simulate(SCENE, 0), JointFilters(JointFiltersConfig())
+    state = filters.start(run.measured[0], SCENE.covariance, 0.0)
+    for k in range(1, len(run.times)):
+        if k == BAD_AT:
+            for _ in range(2):
+                state = filters.update(state, run.measured[k], SCENE.covariance, 1000.0)
+        state = filters.update(state, run.measured[k], SCENE.covariance, float(run.times[k]))
+    belief = filters.belief(state)
+    assert belief.skipped == {str(SkipReason.TIME_AHEAD): 2}
+    assert belief.model.configuration_covariance[0, 0] < 0.02**2
+
+
+def test_a_single_time_far_ahead_is_wrong_after_a_gap_too() -> None:
+    run, filters = simulate(SCENE, 0), JointFilters(JointFiltersConfig())
+    state = filters.start(run.measured[0], SCENE.covariance, 0.0)
+    times = run.times + np.where(run.times > 2.0, 8.0, 0.0)  # Hidden for 8 s.
+    times[np.searchsorted(run.times, 4.0)] += 75.0
+    for X, time in zip(run.measured[1:], times[1:], strict=True):
+        state = filters.update(state, X, SCENE.covariance, float(time))
+    assert filters.belief(state).skipped == {str(SkipReason.TIME_AHEAD): 1}
+
+
 def test_after_long_without_a_pose_the_turns_are_not_known() -> None:
     filters, state, run = _stamped(lambda t: t + (300.0 if t > 3.0 else 0.0), 0)
     model = filters.belief(state).model

@@ -1,5 +1,6 @@
 import json
 import os
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from crossmodal.diagrams.run.folder.run_folder import (
     SENSORS_FILE,
     RunWriter,
     default_folder,
+    files_of_run,
     finished_summary,
     opened,
     remove_run,
@@ -260,12 +262,29 @@ def test_nothing_outside_the_folder_is_removed_whatever_a_summary_says(
     assert [path.name for path in folder.iterdir()] == ["link"]
 
 
-@pytest.mark.parametrize("files", [[1], "a.txt", {"a": 1}, ["a\0b"], ["a" * 5000], [None]])
+@pytest.mark.parametrize(
+    "files", [[1], "a.txt", {"a": 1}, ["a\0b"], ["a" * 5000], [None], [f"{'a' * 300}/b"]]
+)
 def test_a_summary_that_names_no_files_is_of_no_run(tmp_path: Path, files: object) -> None:
     write_text(tmp_path / "summary.json", json.dumps({"files": files}))
     assert finished_summary(tmp_path, APPLICATION, load_scenario("drawer", [])[1]) is None
     with pytest.raises(ScenarioError, match="no run that --force"), opened(tmp_path, force=True):
         pass
+
+
+@pytest.mark.parametrize("make", [os.mkfifo, lambda path: path.symlink_to("/dev/zero")])
+def test_a_summary_that_is_no_file_of_the_folder_is_none(
+    tmp_path: Path, make: Callable[[Path], None]
+) -> None:
+    make(tmp_path / "summary.json")
+    assert files_of_run(tmp_path) == []
+
+
+def test_a_summary_that_names_a_folder_removes_none(tmp_path: Path) -> None:
+    write_text(tmp_path / "summary.json", json.dumps({"files": ["figures", "."]}))
+    mine = write_text(tmp_path / "figures" / "mine", "mine")
+    remove_run(tmp_path)
+    assert mine.read_text() == "mine"
 
 
 def test_nothing_is_written_through_a_link_out_of_the_folder(tmp_path: Path) -> None:

@@ -68,6 +68,14 @@ def test_what_would_fill_the_memory_is_refused(text: str, why: str, tmp_path: Pa
         read_yaml(path)
 
 
+@pytest.mark.parametrize("text", ["a: &a {b: *a}", "a: {b: &b [*b]}", "&a {b: [*a]}"])
+def test_what_holds_itself_is_refused(text: str, tmp_path: Path) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text(text)
+    with pytest.raises(ScenarioError, match="stands within itself"):
+        read_yaml(path)
+
+
 def test_nobody_waits_at_a_pipe(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "mine.yaml")
     with pytest.raises(ScenarioError, match=r"mine\.yaml: is no file"):

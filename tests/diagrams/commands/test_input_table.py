@@ -32,7 +32,7 @@ FILES: dict[str, tuple[str | bytes, str]] = {
     "a list": ("- a\n- b", "must hold a mapping of keys to values, not a list"),
     "a boolean": ("true", "must hold a mapping of keys to values, not a bool"),
     "two documents": ("seed: 1\n---\nseed: 2\n", "line 2, column 1: but found another document"),
-    "a tab": ("system:\tcrossmodal\n\tseed: 1", "is not valid YAML: line "),  # Of YAML in C the next.
+    "a tab": ("system:\tcrossmodal\n\tseed: 1", "is not valid YAML: line "),
     "an open list": ("a: [1\n", "is not valid YAML: line 2"),
     "an open mapping": ("a: {b: 1\n", "is not valid YAML: line 2"),
     "an open quote": ("a: 'b\n", "is not valid YAML: line 2"),

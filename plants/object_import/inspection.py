@@ -105,6 +105,7 @@ def inspect_model(
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name).resolve()
         Repair(source, folder / "meshes", warnings.append, scale).run(model)
+        warnings = list(dict.fromkeys(warnings))
         plant, scene_graph = parse(model, source, folder)
         parents, names = parent_joints(plant, source), flat_names(plant)
         finalize(plant, source)

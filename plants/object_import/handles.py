@@ -63,10 +63,8 @@ def _near(solids: list[trimesh.Trimesh], middle: Array) -> trimesh.Trimesh:
     for solid in solids:
         if solid.is_empty or (solid.bounds[1] < low).any() or (solid.bounds[0] > high).any():
             continue
-        corners = solid.triangles
-        inside = (corners.max(axis=1) >= low).all(axis=1) & (corners.min(axis=1) <= high).all(
-            axis=1
-        )
+        least, greatest = solid.triangles.min(axis=1), solid.triangles.max(axis=1)
+        inside = ((greatest >= low) & (least <= high)).all(axis=1)
         if inside.any():
             parts.append(trimesh.Trimesh(solid.vertices, solid.faces[inside], process=False))
     near = trimesh.util.concatenate(parts) if parts else trimesh.Trimesh()

@@ -118,7 +118,7 @@ _ALL_MODELS_EVERY = 4  # Updates between solutions of all models (`joint_update.
 _OFTEN = 24  # A floor is tried at each of so many such solutions, later at every third.
 _RESCALE = 0.05  # Relative change of the noise's scale from which the keyframes follow it.
 _UNSEEN = 1.0  # Shorter steps are never lost by a turn, [s].
-_HALF_A_TURN = 0.5 * np.pi  # Standard deviation from which on a turn more or less is likely, [rad].
+_HALF_A_TURN = 0.5 * np.pi  # Standard deviation from which on a rate predicts nothing, [rad].
 _TELLING = 3.0  # Standard deviations by which a screw climbs per turn if that is seen.
 _SAME_POSE = 1e-12  # Largest difference between two copies of one measurement.
 
@@ -345,8 +345,8 @@ class JointFilters:
                 continue  # Its height tells the turns.
             S = _unmeasured_noise(state, kind, self.config)
             P = predicted_configuration(models.state[kind], models.P[kind], S, dt)[1]
+            variances[kind] += _turn_variance(P[0, 0])
             if P[0, 0] > _HALF_A_TURN**2:
-                variances[kind] += P[0, 0]
                 models.state[kind, 1] = 0.0
         return variances
 
@@ -432,6 +432,15 @@ def _wants_restart(state: JointFiltersState) -> bool:
         return False
     unknown = m.covariance[PRISMATIC, 6, 6] + m.covariance[PRISMATIC, 7, 7] > _WELL_KNOWN**2
     return bool(unknown) or (state.updates + 1) % _RESTART_EVERY == 0
+
+
+def _turn_variance(predicted: float) -> float:
+    """Of whole turns [rad^2], where an angle is known up to these and predicted so well."""
+    if predicted > (2.0 * np.pi) ** 2:
+        return predicted  # Its limit.
+    squares = (2.0 * np.pi * np.arange(1, 5)) ** 2
+    weights = 2.0 * np.exp(-0.5 * squares / max(predicted, 1e-3))  # To both sides.
+    return float(weights @ squares / (1.0 + weights.sum()))
 
 
 def _unmeasured_noise(state: JointFiltersState, kind: int, config: JointFiltersConfig) -> float:

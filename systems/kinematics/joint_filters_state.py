@@ -134,6 +134,11 @@ def skip(state: JointFiltersState, reason: SkipReason) -> JointFiltersState:
     return replace(state, skipped=skipped)
 
 
+_FAR = 10.0  # Step of the time that is believed at once, [s],
+_SLOWER = 10.0  # or so many times what is usual where poses come seldom.
+_MOST = 100.0  # Time that is taken to pass at most while nothing is measured, [s].
+
+
 def follow_clock(
     state: JointFiltersState, time: float
 ) -> tuple[JointFiltersState, SkipReason | None]:
@@ -162,9 +167,6 @@ def follow_clock(
     return (replace(skipped, suspect=time) if is_far else skipped), reason
 
 
-_FAR = 10.0  # Step of the time that is believed at once, [s],
-_SLOWER = 10.0  # or so many times what is usual where poses come seldom.
-_MOST = 100.0  # Time that is taken to pass at most while nothing is measured, [s].
 _NO_OUTLIERS = np.zeros(7)
 _OUTLIER = np.repeat([1.0, 0.3], 3)  # An outlier may be off by anything: [rad], [m].
 _FREE_TURN = 0.3  # Standard deviation of a free body's rotation after one second, [rad].

@@ -13,6 +13,7 @@ from crossmodal.systems.kinematics.joint_filters import (
     JointFilters,
     JointFiltersConfig,
     JointFiltersState,
+    _turn_variance,
 )
 from crossmodal.systems.kinematics.pose_checks import SkipReason, covariance_fault, pose_fault
 from crossmodal.systems.port_values import JointType
@@ -201,6 +202,16 @@ def test_after_long_without_a_pose_the_turns_are_not_known() -> None:
     assert abs(model.configuration[0] - run.q[-1]) < 0.02  # The fewest turns.
     _, state, run = _stamped(lambda t: t, 0, gap=(2.0, 3.5))
     assert filters.belief(state).model.configuration_covariance[0, 0] < 0.02**2
+
+
+def test_turns_are_as_uncertain_as_they_are_likely() -> None:
+    """Beside the variance of an angle's rounding to whole turns, drawn by lot."""
+    rng = np.random.default_rng(0)
+    for sigma in (1.0, 2.0, 4.0, 6.0, 20.0):
+        turns = 2.0 * np.pi * np.arange(-40, 41)
+        p = np.exp(-0.5 * (turns / sigma) ** 2)
+        drawn = rng.choice(turns, 400_000, p=p / p.sum())
+        assert_allclose(_turn_variance(sigma**2), drawn.var(), rtol=0.06, atol=1e-3)
 
 
 def test_poses_that_come_seldom_are_used() -> None:

@@ -47,6 +47,9 @@ class Case:
         bend: Smooth sideways deviation of the child from the joint's path: one standard deviation
             per direction, [m], and as many radians per `BEND_LEVER`.
         correlation_time: Of the noise, a Gauss-Markov process of first order, [s]; zero if white.
+        wander: Besides, a smooth error of the rotation that is not reported, a Gaussian process in
+            time: one standard deviation per direction, [rad].
+        wander_time: Over which it is alike, [s].
         rotations: In every how many-th frame a rotation is measured; zero for none.
         held: How often each pose is sent before the next.
     """
@@ -64,6 +67,8 @@ class Case:
     outliers: float | None = 0.0
     bend: float = 0.0
     correlation_time: float = 0.0
+    wander: float = 0.0
+    wander_time: float = 1.0
     rotations: int = 1
     held: int = 1
 
@@ -141,14 +146,19 @@ def _free_poses(case: Case, X0: Array, times: Array, rng: np.random.Generator) -
     return np.array(poses)
 
 
+def _smooth(x: Array, length: float, rng: np.random.Generator, columns: int) -> Array:
+    """Smooth random functions (N, columns) of x (N,), of unit variance."""
+    K = np.exp(-0.5 * ((x[:, None] - x) / length) ** 2)
+    return np.asarray(
+        np.linalg.cholesky(K + 1e-8 * np.eye(x.size)) @ rng.normal(size=(x.size, columns))
+    )
+
+
 def _bent(case: Case, poses: Array, axis: Array, rng: np.random.Generator) -> Array:
     """The poses (N, 4, 4) with smooth sideways deviations, a Gaussian process."""
     p = poses[:, :3, 3]
     displacement = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(p, axis=0), axis=1))])
-    K = np.exp(-0.5 * ((displacement[:, None] - displacement) / BEND_LENGTH) ** 2) + 1e-9 * np.eye(
-        displacement.size
-    )
-    deviations = np.linalg.cholesky(K) @ rng.normal(size=(displacement.size, 6))
+    deviations = _smooth(displacement, BEND_LENGTH, rng, 6)
     bent = []
     for X, v, e in zip(poses, np.gradient(p, axis=0), deviations, strict=True):
         along, about = X[:3, :3].T @ v / np.linalg.norm(v), X[:3, :3].T @ axis
@@ -180,14 +190,16 @@ def simulate_case(case: Case, seed: int) -> RobustnessStream:
     scale = np.repeat([case.rotation_noise, case.translation_noise], 3)
     r = np.exp(-1.0 / (RATE * case.correlation_time)) if case.correlation_time > 0.0 else 0.0
     measured: list[Array] = []
-    noise = np.zeros(6)
+    noise, wander = np.zeros(6), np.zeros((frames.size, 3))
+    if case.wander > 0.0:
+        wander = case.wander * _smooth(times, case.wander_time, rng, 3)
     for k, X in enumerate(poses):
         if k % case.held > 0:
             measured.append(measured[-1])
             continue
         fresh = scale * rng.normal(size=6)
         noise = r * noise + np.sqrt(1.0 - r * r) * fresh if k > 0 else fresh
-        error = noise.copy()
+        error = noise + np.concatenate([wander[k], np.zeros(3)])
         if case.outliers is not None and rng.random() < case.outliers:
             error += np.concatenate(
                 [OUTLIER_ROTATION * _unit(rng), OUTLIER_TRANSLATION * _unit(rng)]
@@ -219,6 +231,10 @@ def _sine(amplitude: float, period: float) -> Motion:
 
 def _at_once(final: float, start: float, duration: float) -> Motion:
     return lambda t: final * np.clip((t - start) / duration, 0.0, 1.0)
+
+
+def _in_steps(final: float) -> Motion:
+    return lambda t: final * (np.clip(t - 1.0, 0.0, 3.0) + np.clip(t - 7.0, 0.0, 3.0)) / 6.0
 
 
 def _still(t: Array) -> Array:
@@ -316,6 +332,48 @@ def plain_cases(outliers: float | None = None) -> list[Case]:
             ("3 mm", 3e-3, 1.0),
             ("1 cm", 1e-2, 3.0),
         )
+    ]
+
+
+def wandering_cases() -> list[Case]:
+    """Nine motions as trackers see them whose rotations err smoothly, by more than they report."""
+    deg = np.deg2rad
+    base = {"rotation_noise": float(deg(0.2)), "duration": 12.0}
+    door = Case(
+        name="door", joint="revolute", accepted=("revolute",), motion=_steady(deg(85), 12), **base
+    )
+    drawer = replace(door, name="drawer", joint="prismatic", accepted=("prismatic",))
+    drawer = replace(drawer, motion=_steady(0.3, 12))
+    motions = [
+        drawer,
+        replace(drawer, name="drawer to and fro", motion=_sine(0.15, 6.0)),
+        replace(drawer, name="drawer with pauses", motion=_in_steps(0.3)),
+        door,
+        replace(door, name="door to and fro", motion=_sine(deg(30), 6.0)),
+        replace(door, name="lid", radius=0.15, motion=_steady(deg(100), 12)),
+        replace(
+            door,
+            name="screw",
+            joint="screw",
+            accepted=("screw",),
+            pitch=0.05,
+            motion=_steady(2.0, 12),
+        ),
+        replace(door, name="rigid", joint="rigid", accepted=("rigid",), motion=_still),
+        replace(door, name="free", joint=FREE, accepted=("disconnected",)),
+    ]
+    return [
+        replace(
+            case,
+            name=f"{case.name}, {1e3 * noise:g} mm, {size:g} deg over {tau:g} s",
+            translation_noise=noise,
+            wander=float(deg(size)),
+            wander_time=tau,
+        )
+        for case in motions
+        for noise in (1e-3, 3e-3)
+        for size in (1.0, 2.0, 4.0)
+        for tau in (0.5, 1.5, 5.0)
     ]
 
 

@@ -52,7 +52,12 @@ from crossmodal.systems.kinematics.evidence.goodness_of_fit import (
     largest_probability,
     reported_probabilities,
 )
-from crossmodal.systems.kinematics.evidence.type_evidence import likelier_deviations, type_evidence
+from crossmodal.systems.kinematics.evidence.type_evidence import (
+    likelier_deviations,
+    likelier_wander,
+    type_evidence,
+)
+from crossmodal.systems.kinematics.evidence.wander import COUNT
 from crossmodal.systems.kinematics.joint_filters_config import JointFiltersConfig, TypePriorsConfig
 from crossmodal.systems.kinematics.joint_filters_state import (
     LEAST_NOISE,
@@ -142,6 +147,9 @@ class JointFilters:
         self._owner = owner
         self._priors = solver_priors(config)
         self._correlated = is_correlated(config.errors)
+        self._may_wander = config.errors.wander > 0.0 and not self._correlated
+        odds = config.errors.wander / (1.0 - config.errors.wander) / COUNT
+        self._wander_odds = float(np.log(odds)) if self._may_wander else -np.inf
         self._log_prior = _log_prior(config.ranking_priors)
         self._log_prior_of_reports = _log_prior(config.type_priors)
 
@@ -307,12 +315,17 @@ class JointFilters:
         R = R_reported * np.outer(scale, scale)
         updates, index, deviations = state.updates + 1, state.floor_index, state.deviations_index
         rounds, all_models = updates // _ALL_MODELS_EVERY, updates % _ALL_MODELS_EVERY == 0
-        restart, log_prior = _wants_restart(state), self._log_prior
-        update_models(models, keyframes, X_FB, R, now, priors, log_prior, restart, all_models)
+        fresh, log_prior = _wants_restart(state), self._log_prior
+        update_models(models, keyframes, X_FB, R, now, priors, log_prior, fresh, all_models)
         if all_models and (rounds <= _OFTEN or rounds % 3 == 0):
             tries = rounds if rounds <= _OFTEN else rounds // 3
             models, keyframes, index = with_likelier_floor(
                 models, keyframes, index, tries, reported, estimated, priors, log_prior
+            )
+        wander = state.wander
+        if all_models and self._may_wander:
+            models, keyframes, wander = likelier_wander(
+                models, keyframes, wander, rounds, priors, log_prior, self._wander_odds
             )
         if all_models:
             deviations = likelier_deviations(
@@ -330,6 +343,7 @@ class JointFilters:
             reported=reported,
             floor_index=index,
             deviations_index=deviations,
+            wander=wander,
         )
         return self._with_probabilities(updated)
 
@@ -363,7 +377,9 @@ class JointFilters:
         deviations = covariance_floor(
             state.deviations_index, state.reported, estimated_scale(state.noise)
         )
-        evidence, covariance = type_evidence(m, kf, self._priors, deviations)
+        evidence, covariance = type_evidence(
+            m, kf, self._priors, deviations, state.wander, self._wander_odds
+        )
         p, likeliest = reported_probabilities(
             evidence + self._log_prior_of_reports, evidence + self._log_prior
         )
@@ -460,6 +476,7 @@ def _moving_joint(
         kind,
         m,
         state.covariance[kind],
+        state.covariance[kind] if state.keyframes.wander[0] > 0.0 else m.covariance[kind],
         state.X_PF,
         config.axis_distance,
         state.W_zero,

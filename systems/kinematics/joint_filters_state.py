@@ -10,6 +10,7 @@ from crossmodal.maths.arrays import Array
 from crossmodal.maths.immutable import Immutable
 from crossmodal.systems.kinematics.evidence.covariance_floor import FLOORS
 from crossmodal.systems.kinematics.evidence.goodness_of_fit import reduced_chi_square
+from crossmodal.systems.kinematics.evidence.wander import NONE, Wander
 from crossmodal.systems.kinematics.joint_filters_config import JointFiltersConfig
 from crossmodal.systems.kinematics.keyframes.measurement_noise import (
     MeasurementNoise,
@@ -74,6 +75,7 @@ class JointFiltersState(Immutable):
         reported: Covariance (6, 6), in B, that measurements report, their harmonic mean.
         floor_index: In `covariance_floor.FLOORS` of what the keyframes have.
         deviations_index: The same of how large smooth deviations are (`type_evidence`).
+        wander: The likeliest smooth error of the rotations; `NONE` if nobody has looked.
         covariance: (J, N, N) of each model's theta, deviations smooth or independent.
         W_zero: See `read_configuration`.
         reference_noise: Covariance (6, 6), in B, of the measured reference.
@@ -104,6 +106,7 @@ class JointFiltersState(Immutable):
     reported: Array = field(default_factory=lambda: np.zeros((6, 6)))
     floor_index: int = 0
     deviations_index: int = 0
+    wander: Wander = NONE
     offset: Array = field(default_factory=lambda: np.zeros((6, 6)))
     reset_count: int = 0
     skipped: Mapping[SkipReason, int] = field(default_factory=dict)
@@ -291,6 +294,7 @@ def rebased_state(
         noise=state.noise._replace(seen=np.zeros(1)),
         floor_index=0,
         deviations_index=0,
+        wander=NONE,
         W_zero=np.asarray(np.linalg.inv(R)),
         offset=offset,
     )

@@ -29,6 +29,9 @@ class MeasurementErrorsConfig:
             biased calibration.
         correlated_translation: The same in translation.
         correlated_time: tau of the added error.
+        wander: Probability that rotations err smoothly by degrees without reporting it, as those of
+            fiducials and of trackers of models do; what the poses show decides. Only where no other
+            error is correlated.
         declared_time: tau of the part of its covariance that a measurement itself declares to be
             correlated; zero to take that part for white.
     """
@@ -37,6 +40,7 @@ class MeasurementErrorsConfig:
     correlated_rotation: float = number(0.0, at_least=0.0, at_most=10.0, unit="rad")
     correlated_translation: float = number(0.0, at_least=0.0, at_most=10.0, unit="m")
     correlated_time: float = number(1.0, at_least=1e-3, at_most=1e5, unit="s")
+    wander: float = number(0.5, at_least=0.0, at_most=0.99)
     declared_time: float = number(0.0, at_least=0.0, at_most=1e5, unit="s")
 
 

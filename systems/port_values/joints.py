@@ -18,6 +18,8 @@ class JointType(StrEnum):
     DISCONNECTED = "disconnected"
 
 
+HINGE_CLIMB = 5e-3  # A door that climbs less is as good as one, 8 mm in a right angle, [m/rad].
+_STEEPEST = 10.0  # Of screws, [m/rad].
 MOVING_TYPES = (JointType.PRISMATIC, JointType.REVOLUTE, JointType.SCREW)
 
 
@@ -106,6 +108,38 @@ class JointBelief:
     def model(self) -> JointModelBelief:
         """The belief of the most probable type."""
         return self.models[self.type]
+
+    def hinge_probability(self, climb: float = HINGE_CLIMB) -> float:
+        """Probability that the child turns about an axis and climbs next to nothing along it.
+
+        A hinge and a screw of a small pitch share their probability as long as nothing tells them
+        apart. Here they count together.
+
+        Args:
+            climb: A screw that climbs less is as good as a hinge, [m/rad].
+        """
+        screw = self.models[JointType.SCREW]
+        deviation = math.sqrt(2.0 * screw.pitch_variance) if screw.pitch_variance > 0.0 else 1e-12
+        above, below = (climb - screw.pitch) / deviation, (climb + screw.pitch) / deviation
+        flat = 0.5 * (math.erf(above) + math.erf(below))
+        p_screw = self.probabilities[JointType.SCREW] * flat if math.isfinite(flat) else 0.0
+        return self.probabilities[JointType.REVOLUTE] + p_screw
+
+    def hinge_climb(self, probability: float = 0.9) -> float:
+        """What the child climbs at most if it is a hinge with this probability, [m/rad].
+
+        The smallest argument for which `hinge_probability` is so large; infinite if none is.
+        """
+        low, high = 0.0, _STEEPEST
+        if self.hinge_probability(high) < probability:
+            return math.inf
+        for _ in range(40):
+            middle = 0.5 * (low + high)
+            if self.hinge_probability(middle) < probability:
+                low = middle
+            else:
+                high = middle
+        return high
 
 
 @dataclass(kw_only=True)

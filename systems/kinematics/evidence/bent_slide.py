@@ -12,6 +12,7 @@ import numpy as np
 from crossmodal.maths import cholesky
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.compiled import hot
+from crossmodal.systems.kinematics.evidence.deviation_series import Waves, marginalise
 from crossmodal.systems.kinematics.keyframes.pose_keyframes import Keyframes
 from crossmodal.systems.kinematics.solver.joint_chain import new_chain, run_chain
 from crossmodal.systems.kinematics.solver.joint_geometry import (
@@ -69,12 +70,13 @@ def log_mean_likelihood(L: Array, b: Array, sigma: float) -> float:
 
 
 @hot
-def far_evidence(m: Models, kf: Keyframes, priors: Priors, lin: Linear) -> float:
+def far_evidence(m: Models, kf: Keyframes, priors: Priors, waves: Waves, lin: Linear) -> float:
     """Log evidence of a hinge far away over that of the prismatic model, which must be solved.
 
-    From the keyframes linearised about a bent slide, no prior added yet.
+    From the keyframes linearised about a bent slide with smooth errors, no prior added yet.
     """
-    chain, zero, still = new_chain(kf.time.size), int(np.int64(0)), np.zeros(PARAMETERS)
+    more, zero = int(waves.variance.size), int(np.int64(0))
+    chain, still = new_chain(kf.time.size, more), np.zeros(PARAMETERS + more)
     slide = int(np.int64(PRISMATIC))  # For a literal, Numba would compile all callees again.
     if has_prior(slide, m):
         add_prior(slide, m, lin)
@@ -82,7 +84,8 @@ def far_evidence(m: Models, kf: Keyframes, priors: Priors, lin: Linear) -> float
         lin.information[i, i] += 1.0 / AXIS_SPREAD**2
     n, S, J = dimension(BENT_SLIDE), m.process_noise[PRISMATIC], priors.jump_noise
     q, speed = m.q[PRISMATIC], priors.speed
-    run_chain(n, S, J, priors.jumps, speed, 1.0, q, kf, lin, still, zero, chain)
+    run_chain(n + more, S, J, priors.jumps, speed, 1.0, q, kf, lin, still, zero, chain)
+    marginalise(n, waves, chain)
     cholesky.factor(chain.H, n)
     for i in range(n):
         chain.step[i] = chain.h[i]

@@ -1,8 +1,9 @@
-"""Keyframes linearised about a joint from whose path the child deviates smoothly, compiled.
+"""Keyframes linearised about a joint, with smooth errors beside the independent ones, compiled.
 
-The deviations are a short cosine series over the configuration, in B, with unknown normal
-coefficients; there is none along the path. Once the coefficients are marginalised, the keyframes'
-information about theta and every q has the form of `joint_linearisation`.
+The errors are a sum of waves, functions of the keyframes in B, with unknown normal coefficients.
+The coefficients are more parameters of the chain of all configurations, which are marginalised at
+its end. A child's deviations from a path are a short cosine series over the configuration, and
+there is none along the path; how a tracker's errors change in time is in `wander`.
 """
 
 from typing import NamedTuple
@@ -10,13 +11,13 @@ from typing import NamedTuple
 import numpy as np
 
 from crossmodal.maths import cholesky
-from crossmodal.maths.arrays import Array
+from crossmodal.maths.arrays import Array, Ids
 from crossmodal.maths.compiled import assign, hot
 from crossmodal.maths.se3_in_place import pose_difference
 from crossmodal.systems.kinematics.keyframes.pose_keyframes import Keyframes, floor_share
+from crossmodal.systems.kinematics.solver.joint_chain import Chain
 from crossmodal.systems.kinematics.solver.joint_geometry import (
     BENT_SLIDE,
-    PARAMETERS,
     PRISMATIC,
     RIGID,
     child_pose,
@@ -31,61 +32,80 @@ from crossmodal.systems.kinematics.solver.joint_linearisation import (
 )
 from crossmodal.systems.kinematics.solver.joint_models import Models
 
-_WAVES = 4  # Number of waves of the series.
+_WAVES = 4  # Of a path's deviations, in each of six directions.
+PATH_WAVES = 6 * _WAVES
 
 
-class Series(NamedTuple):
-    """Information of the keyframes about the coefficients of C waves in six directions.
+class Waves(NamedTuple):
+    """C functions of the keyframes, each in one direction and with a normal coefficient.
 
     Attributes:
-        information: (6 C, 6 C), lower triangle.
-        vector: (6 C,) its information vector.
-        coupling: (N, 6 C) with theta.
+        value: (K, C) at each keyframe.
+        direction: (C,) index of a perturbation, in B.
+        variance: (C,) of its coefficient.
+        along: (C,) one, or zero where there is none along the path.
     """
 
-    information: Array
-    vector: Array
-    coupling: Array
+    value: Array
+    direction: Ids
+    variance: Array
+    along: Array
 
 
 @hot
-def new_series() -> Series:
-    size = 6 * _WAVES
-    return Series(np.zeros((size, size)), np.zeros(size), np.zeros((PARAMETERS, size)))
+def no_waves(capacity: int) -> Waves:
+    """None, for `capacity` keyframes."""
+    return Waves(np.zeros((capacity, 0)), np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0))
 
 
 @hot
-def _waves(q: Array, size: int) -> Array:
-    """The waves (K, C) at each configuration (K,), of which `size` are in use."""
-    low, high = q[:size].min(), q[:size].max()
-    out = np.empty((size, _WAVES))
-    for k in range(size):
-        place = (q[k] - low) / (high - low) if high > low else 0.0
-        for i in range(_WAVES):
-            out[k, i] = np.cos((i + 1) * np.pi * place)
-    return out
+def with_path_waves(q: Array, size: int, deviations: Array, others: Waves) -> Waves:
+    """Adds those of smooth deviations from a path to other waves.
 
-
-@hot
-def _add_to_series(extra: int, share: float, wave: Array, W: Array, WJ: Array, to: Series) -> None:
-    """Adds one keyframe, weighted by W (1, 6, 6), to the series.
-
-    The rows of WJ from 1 on are the derivatives by the parameters of the screw and the residual,
-    weighted; the derivatives by the child's pose are one.
+    Args:
+        q: (K,) configuration at each keyframe, of which `size` are in use.
+        deviations: Covariance (6, 6) of the first wave.
     """
+    low, high, first = q[:size].min(), q[:size].max(), others.variance.size
+    count = first + 6 * _WAVES
+    value = np.zeros((others.value.shape[0], count))
+    direction, variance, along = np.empty(count, dtype=np.int64), np.empty(count), np.zeros(count)
+    for c in range(first):
+        direction[c], variance[c] = others.direction[c], others.variance[c]
+        along[c] = others.along[c]
+        for k in range(size):
+            value[k, c] = others.value[k, c]
     for i in range(_WAVES):
-        a = share * wave[i]
         for d in range(6):
-            to.vector[6 * i + d] += a * WJ[1 + extra, d]
-            for p in range(6):
-                to.coupling[p, 6 * i + d] += a * W[0, p, d]
-            for p in range(extra):
-                to.coupling[6 + p, 6 * i + d] += a * WJ[1 + p, d]
+            c = first + 6 * i + d
+            direction[c], variance[c] = d, deviations[d, d] / (i + 1.0) ** 4
+            for k in range(size):
+                place = (q[k] - low) / (high - low) if high > low else 0.0
+                value[k, c] = np.cos((i + 1) * np.pi * place)
+    return Waves(value, direction, variance, along)
+
+
+@hot
+def _add_waves(
+    n: int, residual: int, k: int, share: float, waves: Waves, W: Array, WJ: Array, lin: Linear
+) -> None:
+    """Adds what keyframe k says of the waves' coefficients, which follow the n parameters.
+
+    Row `residual` of WJ is the residual, those between the first and it the derivatives by the
+    parameters of the screw, all weighted by W (1, 6, 6), in which q is left free.
+    """
+    H, h = lin.information, lin.vector
+    for i in range(waves.variance.size):
+        a, d = share * waves.value[k, i], waves.direction[i]
+        h[n + i] += a * WJ[residual, d]
+        for p in range(6):
+            H[n + i, p] += a * W[0, p, d]
+        for p in range(1, residual):
+            H[n + i, 5 + p] += a * WJ[p, d]
         for j in range(i + 1):
-            b = a * share * wave[j]
-            for d in range(6):
-                for e in range(6):
-                    to.information[6 * i + d, 6 * j + e] += b * W[0, d, e]
+            b = share * waves.value[k, j]
+            H[n + i, n + j] += a * b * W[0, d, waves.direction[j]]
+        lin.beta[k, n + i] = a * waves.along[i] * lin.beta[k, d]
 
 
 @hot
@@ -94,21 +114,19 @@ def add_keyframes(
     m: Models,
     kf: Keyframes,
     rough: Array,
-    is_smooth: bool,
+    waves: Waves,
     lin: Linear,
-    series: Series,
 ) -> None:
     """Adds all keyframes, each with an independent error of the covariance `rough` (6, 6) besides.
 
-    Where deviations are smooth, `lin` is for coefficients of zero, and the information about these
-    is added to `series`. `lin.value` has the normalisers.
+    The waves' coefficients follow the joint's parameters. `lin.value` has the normalisers.
     """
     six, first, extra, size = int(np.int64(6)), int(np.int64(0)), dimension(kind) - 6, kf.size[0]
     rows = 2 + extra if kind != RIGID else 1
     of = PRISMATIC if kind == BENT_SLIDE else kind
     Y, a, c, pitch, q = m.Y[of], m.a[of], m.c[of], m.pitch[of], m.q[of]
     X, G, A = np.empty((4, 4)), np.empty((6, 6)), np.empty((6, 6))
-    J, WJ, W, waves = np.empty((7, 6)), np.empty((7, 6)), np.empty((1, 6, 6)), _waves(q, size)
+    J, WJ, W = np.empty((7, 6)), np.empty((7, 6)), np.empty((1, 6, 6))
     r = J[rows - 1]
     screw_twists(kind, Y, a, c, pitch, G)
     for k in range(size):
@@ -127,34 +145,38 @@ def add_keyframes(
         square, gain = add_keyframe(k, rows - 2, kind != RIGID and k > 0, W, first, J, WJ, lin)
         lin.value[0] -= 0.5 * (square + log_det)
         lin.value[0] += gain
-        if is_smooth and k > 0:
+        if waves.variance.size > 0 and kind != RIGID and k > 0:
             # Only what is not information about q is about a deviation.
             for i in range(6):
                 for j in range(6):
                     W[0, i, j] -= WJ[0, i] * WJ[0, j] / lin.alpha[k]
             weigh(W, first, rows, J, WJ)
-        if is_smooth:
-            _add_to_series(extra, share, waves[k], W, WJ, series)
+        _add_waves(6 + extra, rows - 1, k, share, waves, W, WJ, lin)
 
 
 @hot
-def marginalise(n: int, deviations: Array, series: Series, lin: Linear) -> None:
-    """Takes the coefficients out; `deviations` (6, 6) is the covariance of the first wave."""
-    size = 6 * _WAVES
-    S, s, columns = series.information, series.vector, series.coupling
-    for i in range(_WAVES):
-        for d in range(6):
-            variance = deviations[d, d] / (i + 1.0) ** 4
-            S[6 * i + d, 6 * i + d] += 1.0 / variance
-            lin.value[0] -= 0.5 * np.log(variance)
-    lin.value[0] -= 0.5 * cholesky.factor(S, size)
+def marginalise(n: int, waves: Waves, chain: Chain) -> float:
+    """Takes the coefficients out of the information about n parameters; returns their evidence."""
+    size, value = int(waves.variance.size), 0.0
+    S, s, column = (
+        chain.H[n : n + size, n : n + size].copy(),
+        chain.h[n:].copy(),
+        np.empty((n, size)),
+    )
+    for i in range(size):
+        S[i, i] += 1.0 / waves.variance[i]
+        value -= 0.5 * np.log(waves.variance[i])
+    value -= 0.5 * cholesky.factor(S, size)
     cholesky.forward(S, s, size)
     for j in range(size):
-        lin.value[0] += 0.5 * s[j] ** 2
+        value += 0.5 * s[j] ** 2
     for i in range(n):
-        cholesky.forward(S, columns[i], size)
         for j in range(size):
-            lin.vector[i] -= columns[i, j] * s[j]
+            column[i, j] = chain.H[n + j, i]
+        cholesky.forward(S, column[i], size)
+        for j in range(size):
+            chain.h[i] -= column[i, j] * s[j]
         for p in range(i + 1):
             for j in range(size):
-                lin.information[i, p] -= columns[i, j] * columns[p, j]
+                chain.H[i, p] -= column[i, j] * column[p, j]
+    return value

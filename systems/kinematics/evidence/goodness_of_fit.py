@@ -20,6 +20,7 @@ from crossmodal.systems.kinematics.keyframes.pose_keyframes import (
     Keyframes,
     floor_share,
     measured_directions,
+    unaveraged,
 )
 from crossmodal.systems.kinematics.solver.joint_geometry import (
     RIGID,
@@ -84,7 +85,7 @@ def reduced_chi_square(
     nothing = math.nan, (math.nan, math.nan), 0
     if kind > RIGID:
         return nothing
-    square, degrees = off_path(kind, m, kf, kf.floor)
+    square, degrees = off_path(kind, m, kf, unaveraged(kf))
     if degrees < 1:
         return nothing
     of_noise = degrees_of_freedom(noise)
@@ -107,9 +108,9 @@ def largest_probability(
     """
     if kind > RIGID:
         return 1.0
-    square, degrees = off_path(
-        kind, m, kf, covariance_floor(len(FLOORS) - 1, reported, estimated_scale(noise))
-    )
+    largest = covariance_floor(len(FLOORS) - 1, reported, estimated_scale(noise))
+    largest[:3, :3] += kf.wander[0] * np.eye(3)
+    square, degrees = off_path(kind, m, kf, largest)
     if degrees < 1:
         return 1.0
     p = float(scipy.special.fdtrc(degrees, degrees_of_freedom(noise), square / degrees))

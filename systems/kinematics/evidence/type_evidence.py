@@ -14,7 +14,7 @@ import numpy as np
 
 from crossmodal.maths import cholesky
 from crossmodal.maths.arrays import Array
-from crossmodal.maths.compiled import assign, hot
+from crossmodal.maths.compiled import hot
 from crossmodal.systems.kinematics.evidence.bent_slide import far_evidence
 from crossmodal.systems.kinematics.evidence.covariance_floor import (
     FLOORS,
@@ -23,11 +23,27 @@ from crossmodal.systems.kinematics.evidence.covariance_floor import (
     next_index,
 )
 from crossmodal.systems.kinematics.evidence.deviation_series import (
+    PATH_WAVES,
+    Waves,
     add_keyframes,
     marginalise,
-    new_series,
+    no_waves,
+    with_path_waves,
 )
-from crossmodal.systems.kinematics.keyframes.pose_keyframes import Keyframes
+from crossmodal.systems.kinematics.evidence.wander import (
+    GENEROUS,
+    NONE,
+    SIZES,
+    TIMES,
+    Wander,
+    wander_waves,
+)
+from crossmodal.systems.kinematics.keyframes.pose_keyframes import (
+    Keyframes,
+    copy_keyframes,
+    rescale,
+    unaveraged,
+)
 from crossmodal.systems.kinematics.solver.joint_chain import (
     Chain,
     new_chain,
@@ -46,13 +62,12 @@ from crossmodal.systems.kinematics.solver.joint_geometry import (
     dimension,
 )
 from crossmodal.systems.kinematics.solver.joint_linearisation import (
-    Linear,
     add_priors,
-    clear,
     new_linear,
 )
 from crossmodal.systems.kinematics.solver.joint_models import Models
 from crossmodal.systems.kinematics.solver.joint_solver import Priors, lever, trusted
+from crossmodal.systems.kinematics.solver.joint_update import STEPS, restart, solve_all
 from crossmodal.systems.kinematics.solver.parameter_priors import (
     hinge_evidence,
     may_be_far,
@@ -67,76 +82,105 @@ _INHERITED = 10.0
 
 
 @hot
-def _evidence(
+def _jumps(S: float, J: float, probability: float, kf: Keyframes, chain: Chain) -> float:
+    """Log probability of the jumps that are in `chain`, see `run_chain`."""
+    count = 0.0
+    for k in range(1, kf.size[0]):
+        if chain.S[k] > S:
+            count += np.log(chain.S[k] / S) / np.log(J / S)
+    return count * np.log(probability) if count > 0.0 else 0.0
+
+
+@hot
+def linear_evidence(
     kind: int,
     m: Models,
     kf: Keyframes,
     priors: Priors,
-    deviations: Array,
     rough: Array,
-    lin: Linear,
+    waves: Waves,
+    since: int,
     chain: Chain,
 ) -> float:
     """Log evidence of a model about its own solution; solves `chain`.
 
-    With smooth deviations, if their covariance is not zero; a body at rest has none.
+    Args:
+        rough: Covariance (6, 6) of each keyframe's independent error beside its noise.
+        waves: Of errors that are smooth.
+        since: Negative to go on with the jumps that are in `chain`, see `run_chain`; else zero.
     """
-    clear(lin)
-    zero, still = int(np.int64(0)), np.zeros(PARAMETERS)
-    series, is_smooth = new_series(), np.trace(deviations) > 0.0 and kind != RIGID
-    add_keyframes(kind, m, kf, rough, is_smooth, lin, series)
-    if is_smooth:
-        marginalise(dimension(kind), deviations, series, lin)
+    more = int(waves.variance.size)
+    lin, still = new_linear(kf.time.size, more), np.zeros(PARAMETERS + more)
+    add_keyframes(kind, m, kf, rough, waves, lin)
     far = priors.far_axes and may_be_far(kf)
     add_priors(kind, m, priors.axis_distance, far, lin)
     n, value = dimension(kind), lin.value[0]
     if kind == RIGID:
-        take_information(n, lin, chain)
+        take_information(n + more, lin, chain)
     else:
         by = lever(kind, m, priors)
         S, J, sigma_v = m.process_noise[kind], priors.jump_noise / by**2, priors.speed / by
         value = run_chain(
-            n, S, J, priors.jumps, sigma_v, 1.0, m.q[kind], kf, lin, still, zero, chain
+            n + more, S, J, priors.jumps, sigma_v, 1.0, m.q[kind], kf, lin, still, since, chain
         )
+        if since < 0:
+            value += _jumps(S, J, priors.jumps, kf, chain)
+    value += marginalise(n, waves, chain)
     evidence, gain = solve(n, value, chain)
     if kind == RIGID:
         return evidence
     # Of a step that goes too far, only a share can be trusted.
     share = trusted(kind, m.c[kind], m.pitch[kind], chain.step)
-    assign(chain.step, share * chain.step)
+    for i in range(n):
+        chain.step[i] *= share
     return evidence - gain * (1.0 - share) ** 2
 
 
+@hot
 def smooth_evidence(
-    m: Models, kf: Keyframes, priors: Priors, deviations: Array, evidence: Array, covariance: Array
+    m: Models,
+    kf: Keyframes,
+    priors: Priors,
+    deviations: Array,
+    errors: Waves,
+    evidence: Array,
+    covariance: Array,
 ) -> tuple[float, float]:
-    """Writes each model's log evidence (5,) with smooth deviations, and covariance (J, N, N).
+    """Writes each model's log evidence (5,) with smooth errors, and covariance (J, N, N).
 
     It is the evidence of the model's own solution plus its increase with smooth instead of
-    independent deviations, both linearised there. A model that has not been solved lately keeps
-    its own evidence.
+    independent errors, both linearised there. A model that has not been solved lately keeps its own
+    evidence.
 
     Args:
-        deviations: Their covariance (6, 6), in B.
+        deviations: Covariance (6, 6), in B, of those from the path; zero for none.
+        errors: Of the measurements, smooth in time.
         covariance: Result; about the models' own solutions, which are not moved.
 
     Returns:
         The screw's pitch and its variance.
     """
-    capacity, size = kf.time.size, kf.size[0]
-    lin, chain, none = new_linear(capacity), new_chain(capacity), 0.0 * deviations
+    size, nothing = kf.size[0], no_waves(kf.time.size)
+    chain = new_chain(kf.time.size, int(errors.variance.size) + PATH_WAVES)
     pitch, variance = m.pitch[SCREW], m.covariance[SCREW, 10, 10]
     evidence[:], covariance[:] = m.log_evidence, m.covariance
     # A screw that is no likelier than its limit, the hinge, is not solved for itself.
     is_hinge = evidence[SCREW] <= evidence[REVOLUTE]
     least, log_det = evidence.max() - _NEGLIGIBLE, 0.5 * kf.log_det[:size].sum()
+    is_smooth = np.trace(deviations) > 0.0
+    rough = _ROUGH**2 * deviations if is_smooth else kf.floor
     for kind in range(JOINTS - 1, -1, -1):
         if evidence[kind] < least or (kind == SCREW and is_hinge):
             continue
-        independent = _evidence(kind, m, kf, priors, none, kf.floor, lin, chain)
+        independent = linear_evidence(kind, m, kf, priors, unaveraged(kf), nothing, 0, chain)
         if independent < evidence[kind] - m.marginal_evidence[kind] - log_det - _INHERITED:
             continue
-        smooth = _evidence(kind, m, kf, priors, deviations, _ROUGH**2 * deviations, lin, chain)
+        waves = errors
+        if is_smooth and kind != RIGID:
+            waves = with_path_waves(m.q[kind], size, deviations, errors)
+        smooth = linear_evidence(
+            kind, m, kf, priors, rough if kind != RIGID else kf.floor, waves, -1, chain
+        )
         evidence[kind] += smooth - independent
         n = dimension(kind)
         cholesky.inverse(chain.H, covariance[kind], n)
@@ -150,15 +194,15 @@ def smooth_evidence(
     return pitch, variance
 
 
-def bend(m: Models, kf: Keyframes, priors: Priors, deviations: Array) -> float:
-    """See `far_evidence`; with smooth deviations if their covariance (6, 6) is not zero."""
-    lin, series = new_linear(kf.time.size), new_series()
-    is_smooth = np.trace(deviations) > 0.0
-    rough = _ROUGH**2 * deviations if is_smooth else kf.floor
-    add_keyframes(BENT_SLIDE, m, kf, rough, is_smooth, lin, series)
-    if is_smooth:
-        marginalise(dimension(BENT_SLIDE), deviations, series, lin)
-    return far_evidence(m, kf, priors, lin)
+def bend(m: Models, kf: Keyframes, priors: Priors, deviations: Array, errors: Waves) -> float:
+    """See `far_evidence`; the arguments are those of `smooth_evidence`."""
+    waves, rough = errors, kf.floor
+    if np.trace(deviations) > 0.0:
+        rough = _ROUGH**2 * deviations
+        waves = with_path_waves(m.q[PRISMATIC], int(kf.size[0]), deviations, errors)
+    lin = new_linear(kf.time.size, int(waves.variance.size))
+    add_keyframes(BENT_SLIDE, m, kf, rough, waves, lin)
+    return far_evidence(m, kf, priors, waves, lin)
 
 
 _UNUSUAL = 5.0  # Prior log odds against smooth deviations, [nat].
@@ -177,6 +221,7 @@ def _count_limits(
     kf: Keyframes,
     priors: Priors,
     deviations: Array,
+    errors: Waves,
 ) -> None:
     """Counts screws of next to no pitch as hinges, and bent slides as hinges far away, in place.
 
@@ -187,35 +232,60 @@ def _count_limits(
     slide = evidence[PRISMATIC]
     matters = evidence.max() - _PRUNING_THRESHOLD < slide and evidence[REVOLUTE] < slide + _AHEAD
     if matters and priors.far_axes and may_be_far(kf):
-        far = slide + bend(m, kf, priors, deviations)
+        far = slide + bend(m, kf, priors, deviations, errors)
         evidence[REVOLUTE] = max(evidence[REVOLUTE], far)
         evidence[SCREW] = max(evidence[SCREW], far)
 
 
+def _evidence_with(
+    m: Models, kf: Keyframes, priors: Priors, deviations: Array, errors: Waves
+) -> tuple[Array, Array]:
+    """`type_evidence` if the errors are these for certain; see `smooth_evidence`."""
+    if np.trace(deviations) == 0.0 and errors.variance.size == 0 and kf.wander[0] == 0.0:
+        evidence, covariance = m.log_evidence.copy(), m.covariance.copy()
+        pitch, variance = m.pitch[SCREW], m.covariance[SCREW, 10, 10]
+    else:
+        evidence, covariance = np.empty(m.log_evidence.size), np.empty(m.covariance.shape)
+        pitch, variance = smooth_evidence(m, kf, priors, deviations, errors, evidence, covariance)
+    _count_limits(evidence, pitch, variance, m, kf, priors, deviations, errors)
+    return evidence, covariance
+
+
 def type_evidence(
-    m: Models, kf: Keyframes, priors: Priors, deviations: Array
+    m: Models,
+    kf: Keyframes,
+    priors: Priors,
+    deviations: Array,
+    wander: Wander = NONE,
+    log_odds: float = 0.0,
 ) -> tuple[Array, Array]:
     """Log evidence (5,) of each type, and covariance (J, N, N) of each model's theta.
 
-    Deviations are independent or smooth, weighted by the evidence. Smooth ones are less common, the
-    more so the larger they are than the usual deviations of joints.
+    Errors are independent, or smooth along the path, or smooth in time, weighted by the evidence.
+    Smooth deviations from a path are less common, the more so the larger they are than the usual
+    deviations of joints.
 
     Args:
-        deviations: Covariance (6, 6), in B, of smooth deviations; zero for none.
+        deviations: Covariance (6, 6), in B, of smooth deviations from the path; zero for none.
+        wander: The likeliest but none.
+        log_odds: Prior log odds of it against none, [nat].
     """
-    evidence = m.log_evidence.copy()
-    pitch, variance = m.pitch[SCREW], m.covariance[SCREW, 10, 10]
-    _count_limits(evidence, pitch, variance, m, kf, priors, 0.0 * deviations)
-    if np.trace(deviations) == 0.0:
-        return evidence, m.covariance.copy()
-    unusual = _UNUSUAL + 0.5 * deviations[3, 3] / USUAL_DEVIATION[3]
-    smooth, covariance = np.empty(evidence.size), np.empty(m.covariance.shape)
-    pitch, variance = smooth_evidence(m, kf, priors, deviations, smooth, covariance)
-    for kind in range(JOINTS):
-        p = 1.0 / (1.0 + np.exp(min(m.log_evidence[kind] - smooth[kind] + unusual, 50.0)))
-        covariance[kind] = p * covariance[kind] + (1.0 - p) * m.covariance[kind]
-    _count_limits(smooth, pitch, variance, m, kf, priors, deviations)
-    return np.logaddexp(evidence, smooth - unusual), covariance
+    none, nothing = 0.0 * deviations, no_waves(kf.time.size)
+    evidence, covariance = _evidence_with(m, kf, priors, none, nothing)
+    others = []
+    if np.trace(deviations) > 0.0:
+        unusual = _UNUSUAL + 0.5 * deviations[3, 3] / USUAL_DEVIATION[3]
+        others.append((-unusual, deviations, nothing))
+    if wander != NONE:
+        others.append((log_odds, none, wander_waves(wander, kf)))
+    for odds, of_path, errors in others:
+        smooth, C = _evidence_with(m, kf, priors, of_path, errors)
+        total = np.logaddexp(evidence, smooth + odds)
+        for kind in range(JOINTS):
+            p = np.exp(smooth[kind] + odds - total[kind])
+            covariance[kind] = p * C[kind] + (1.0 - p) * covariance[kind]
+        evidence = total
+    return evidence, covariance
 
 
 def likelier_deviations(
@@ -238,3 +308,62 @@ def likelier_deviations(
     evidence = [type_evidence(m, kf, priors, floor)[0] for floor in floors]
     now, then = np.logaddexp.reduce(np.array(evidence) + log_prior, axis=1)
     return other if then - now > _LEAST_GAIN else index
+
+
+def likelier_wander(
+    m: Models,
+    kf: Keyframes,
+    before: Wander,
+    tries: int,
+    priors: Priors,
+    log_prior: Array,
+    log_odds: float,
+) -> tuple[Models, Keyframes, Wander]:
+    """The likeliest wander, and the models and keyframes, solved with it where it is likely.
+
+    It is that under which the joints explain most, whichever that is. If rotations err, joints
+    found without that explain nothing, so that they are solved with a generous error before all are
+    compared.
+
+    Args:
+        m: Models; not changed.
+        kf: Keyframes; not changed. All must have been explained by free motions.
+        before: The likeliest before; `NONE` if nobody has looked.
+        tries: How many there were, by which the time is chosen that is tried beside.
+        log_odds: Of each wander against none, before anything was measured.
+    """
+    start = before if before != NONE else GENEROUS
+    is_used = kf.wander[0] > 0.0
+    models, frames = (m, kf) if is_used else _solved_with(start, m, kf, priors)
+    values: dict[Wander, float] = {}
+
+    def value(wander: Wander) -> float:
+        if wander not in values:
+            at = (models, frames) if wander != NONE else (m, kf)
+            errors, none = wander_waves(wander, kf), np.zeros((6, 6))
+            evidence = (_evidence_with(*at, priors, none, errors)[0] + log_prior)[:JOINTS]
+            odds = log_odds if wander != NONE else 0.0
+            normaliser = 0.5 * at[1].log_det[: at[1].size[0]].sum()
+            values[wander] = float(np.logaddexp.reduce(evidence)) + odds - normaliser
+        return values[wander]
+
+    column = [Wander(n, tries % len(TIMES)) for n in range(len(SIZES))]
+    best = max([start, *column], key=value)
+    best = start if value(best) < value(start) + _LEAST_GAIN else best
+    while (other := max(best.neighbours, key=value)) and value(other) > value(best) + _LEAST_GAIN:
+        best = other
+    is_better = value(best) - value(NONE) > (-_LEAST_GAIN if is_used else _LEAST_GAIN)
+    wanted = best if is_better else NONE
+    for at in ((m, kf), (models, frames)):
+        if at[1].wander[0] == wanted.variance:
+            return *at, best
+    return *_solved_with(wanted, models, kf, priors), best
+
+
+def _solved_with(w: Wander, m: Models, kf: Keyframes, priors: Priors) -> tuple[Models, Keyframes]:
+    """Copies with another wander, solved again."""
+    models, frames = Models(*[x.copy() for x in m]), copy_keyframes(kf)
+    rescale(frames, np.ones(6), frames.floor.copy(), priors.outliers, w.variance)
+    solve_all(models, frames, priors, STEPS, True)
+    restart(models, frames, priors, True)
+    return models, frames

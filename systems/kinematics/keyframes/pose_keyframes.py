@@ -41,6 +41,7 @@ class Keyframes(NamedTuple):
         R: (K, 6, 6) covariance of its mean's white noise.
         floor: (6, 6) covariance of what does not average out within a keyframe: errors that depend
             on the place, and by what the child deviations from an ideal joint's path there.
+        wander: (1,) variance of rotations' errors that are smooth in time, [rad^2].
         reference_deviates: (1,) one, or zero where the reference is exact, which then has no floor.
         W: (K, 6, 6) inverse of R and floor together.
         log_det: (K,) log determinant of both together.
@@ -64,6 +65,7 @@ class Keyframes(NamedTuple):
     Z: Array
     R: Array
     floor: Array
+    wander: Array
     reference_deviates: Array
     W: Array
     log_det: Array
@@ -86,6 +88,7 @@ def empty_keyframes(capacity: int) -> Keyframes:
         Z=np.zeros((capacity, 4, 4)),
         R=np.zeros((capacity, 6, 6)),
         floor=np.zeros((6, 6)),
+        wander=np.zeros(1),
         reference_deviates=np.zeros(1),
         W=np.zeros((capacity, 6, 6)),
         log_det=np.zeros(capacity),
@@ -113,6 +116,15 @@ def floor_share(kf: Keyframes, k: int) -> float:
 
 
 @hot
+def unaveraged(kf: Keyframes) -> Array:
+    """Covariance (6, 6) of all errors that do not average out within a keyframe."""
+    out = kf.floor.copy()
+    for i in range(3):
+        out[i, i] += kf.wander[0]
+    return out
+
+
+@hot
 def measured_directions(kf: Keyframes, k: int) -> int:
     """In how many of six directions keyframe k was measured."""
     directions = 0
@@ -124,7 +136,7 @@ def measured_directions(kf: Keyframes, k: int) -> int:
 @hot
 def _fill(kf: Keyframes, k: int) -> None:
     """Completes keyframe k from its covariance."""
-    L = kf.R[k] + floor_share(kf, k) * kf.floor
+    L = kf.R[k] + floor_share(kf, k) * unaveraged(kf)
     six = int(np.int64(6))  # For a literal, Numba would compile all callees again.
     kf.log_det[k] = cholesky.factor(L, six)
     cholesky.inverse(L, kf.W[k], six)
@@ -134,7 +146,7 @@ def _fill(kf: Keyframes, k: int) -> None:
 def _fill_outlier(kf: Keyframes, k: int, outliers: Array) -> None:
     """Completes undecided keyframe k as an outlier; `outliers` as in `Priors`."""
     six = int(np.int64(6))
-    L = kf.R[k] + floor_share(kf, k) * kf.floor
+    L = kf.R[k] + floor_share(kf, k) * unaveraged(kf)
     for i in range(6):
         L[i, i] += outliers[1 + i]
     kf.log_out[k] = 0.5 * (kf.log_det[k] - cholesky.factor(L, six))
@@ -173,9 +185,16 @@ def append(kf: Keyframes, X: Array, R: Array, time: float, outliers: Array) -> N
     kf.pending[0] += 1
 
 
-def rescale(kf: Keyframes, scale: Array, floor: Array, outliers: Array) -> None:
-    """Multiplies the standard deviations of all keyframes by `scale` (6,), and sets their floor."""
+def rescale(
+    kf: Keyframes, scale: Array, floor: Array, outliers: Array, wander: float | None = None
+) -> None:
+    """Multiplies the standard deviations of all keyframes by `scale` (6,), and sets their floor.
+
+    Where `wander` is given, that of their rotations in time, too.
+    """
     kf.floor[:] = floor
+    if wander is not None:
+        kf.wander[0] = wander
     kf.explained[:] = np.nan
     kf.R[: kf.size[0]] *= np.outer(scale, scale)
     for k in range(kf.size[0]):
@@ -194,7 +213,7 @@ def expected_noise(kf: Keyframes, k: int, inlier: float, R: Array) -> None:
     L = inlier * kf.W[k] + (1.0 - inlier) * kf.W_out[k]
     cholesky.factor(L, six)
     cholesky.inverse(L, R, six)
-    R -= floor_share(kf, k) * kf.floor
+    R -= floor_share(kf, k) * unaveraged(kf)
 
 
 def fix(kf: Keyframes, k: int, inlier: float) -> None:

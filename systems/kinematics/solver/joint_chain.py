@@ -53,16 +53,17 @@ class Chain(NamedTuple):
 
 
 @hot
-def new_chain(capacity: int) -> Chain:
-    """Room for `capacity` keyframes, zero."""
+def new_chain(capacity: int, more: int = 0) -> Chain:
+    """Room for `capacity` keyframes and some more parameters, zero."""
+    n = PARAMETERS + more
     return Chain(
         np.zeros(2),
-        np.zeros((2, PARAMETERS)),
+        np.zeros((2, n)),
         np.zeros(3),
         np.zeros(capacity),
-        np.zeros((PARAMETERS, PARAMETERS)),
-        np.zeros(PARAMETERS),
-        np.zeros(PARAMETERS),
+        np.zeros((n, n)),
+        np.zeros(n),
+        np.zeros(n),
     )
 
 
@@ -104,11 +105,13 @@ def run_chain(
         q: Where each keyframe was linearised (K,).
         lin: They, linearised.
         step: (N,) see above.
+        since: See above; negative if `chain.S` already has the density before each keyframe, so
+            that no jumps are looked for. All keyframes count then.
     """
     m, M, H, h = chain.m, chain.M, chain.H, chain.h
     m[:] = 0.0
     M[:] = 0.0
-    e_theta = np.empty(PARAMETERS)
+    e_theta = np.empty(n)
     take_information(n, lin, chain)
     p00, p01, p11 = 0.0, 0.0, sigma_v * sigma_v
     value = lin.value[0]
@@ -125,9 +128,10 @@ def run_chain(
             e_theta[i] = -lin.beta[k, i] / alpha - M[0, i]
             moved += e_theta[i] * step[i]
         cube = dt**3 / 3.0
-        C, S_k = p00 + S * cube + noise / alpha, S
+        S_k = chain.S[k] if since < 0 else S
+        C = p00 + S_k * cube + noise / alpha
         density = -0.5 * (np.log(alpha * C) + moved * moved / C)
-        if S < J and moved * moved > _SURPRISE**2 * C:
+        if since >= 0 and S < J and moved * moved > _SURPRISE**2 * C:
             C += (J - S) * cube
             jumped = -0.5 * (np.log(alpha * C) + moved * moved / C)
             smooth_share, density = inlier_share(density, jumped, jumps)

@@ -57,14 +57,15 @@ class Linear(NamedTuple):
 
 
 @hot
-def new_linear(capacity: int) -> Linear:
-    """Room for `capacity` keyframes, zero."""
+def new_linear(capacity: int, more: int = 0) -> Linear:
+    """Room for `capacity` keyframes and some more parameters, zero."""
+    n = PARAMETERS + more
     return Linear(
         np.zeros(capacity),
         np.zeros(capacity),
-        np.zeros((capacity, PARAMETERS)),
-        np.zeros((PARAMETERS, PARAMETERS)),
-        np.zeros(PARAMETERS),
+        np.zeros((capacity, n)),
+        np.zeros((n, n)),
+        np.zeros(n),
         np.zeros(1),
     )
 

@@ -59,12 +59,13 @@ def _zero(kind: int, m: Models, W: Array, k: Array) -> float:
 
 @hot
 def read_configuration(
-    kind: int, m: Models, W_zero: Array, displaced: Array, zero_variance: float
+    kind: int, m: Models, of_theta: Array, W_zero: Array, displaced: Array, zero_variance: float
 ) -> tuple[Array, Array]:
     """Configuration and rate since the reference, (2,), and their covariance (2, 2).
 
     Args:
         kind: One of `MOVING`.
+        of_theta: Covariance (N, N) of the model's theta.
         W_zero: Zero (6, 6), or the metric in which the point of the path that is nearest to the
             measured reference has q = 0.
         displaced: Covariance (6, 6), in B, of the path's displacement from the measured reference
@@ -85,7 +86,7 @@ def read_configuration(
         for j in range(2):
             for k in range(size):
                 for n in range(size):
-                    P[i, j] += gain[i, k] * m.covariance[kind, k, n] * gain[j, n]
+                    P[i, j] += gain[i, k] * of_theta[k, n] * gain[j, n]
     P[0, 1] = P[1, 0] = 0.5 * (P[0, 1] + P[1, 0])
     return state, P
 
@@ -109,6 +110,7 @@ def read_moving(
     kind: int,
     m: Models,
     of_theta: Array,
+    of_q: Array,
     X_PF: Array,
     axis_distance: float,
     W_zero: Array,
@@ -120,10 +122,11 @@ def read_moving(
     """Results of `read_axis` and `read_configuration`, the latter predicted dt [s] ahead.
 
     Args:
+        of_q: What counts as covariance (N, N) of theta for the configuration.
         S: Density of the child's acceleration that was not measured.
     """
     vectors, axis, point = read_axis(kind, m, of_theta, X_PF, axis_distance)
-    x, P = read_configuration(kind, m, W_zero, displaced, zero_variance)
+    x, P = read_configuration(kind, m, of_q, W_zero, displaced, zero_variance)
     if dt > 1e-9:
         x, P = predicted_configuration(x, P, S, dt)
     return vectors, axis, point, x, P

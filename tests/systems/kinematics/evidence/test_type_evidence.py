@@ -11,13 +11,17 @@ from crossmodal.maths.se3_in_place import pose_difference
 from crossmodal.systems.kinematics.evidence.deviation_series import (
     add_keyframes,
     marginalise,
-    new_series,
+    no_waves,
+    with_path_waves,
 )
 from crossmodal.systems.kinematics.evidence.type_evidence import smooth_evidence
+from crossmodal.systems.kinematics.evidence.wander import Wander, wander_waves
 from crossmodal.systems.kinematics.joint_filters import JointFilters, JointFiltersConfig
 from crossmodal.systems.kinematics.joint_filters_state import JointFiltersState
+from crossmodal.systems.kinematics.solver.joint_chain import new_chain, run_chain
 from crossmodal.systems.kinematics.solver.joint_geometry import (
     MOVING,
+    PARAMETERS,
     PRISMATIC,
     REVOLUTE,
     RIGID,
@@ -61,45 +65,52 @@ def _derivatives(kind: int, state: JointFiltersState, k: int, n: int) -> tuple[A
 
 
 @pytest.mark.parametrize("kind", MOVING)
-def test_the_series_is_marginalised_as_one_large_normal_distribution(kind: int) -> None:
-    """With each keyframe's q free but for the first one's, which is zero."""
+def test_smooth_errors_are_marginalised_as_one_large_normal_distribution(kind: int) -> None:
+    """Of deviations from the path and of rotations in time, with q a chain from zero."""
     state = _state("door", 4.0)
     m, kf = state.models, state.keyframes
     K, n = int(kf.size[0]), dimension(kind)
-    lin, series, rough = new_linear(kf.time.size), new_series(), DEVIATIONS / 16.0
-    add_keyframes(kind, m, kf, rough, True, lin, series)
-    marginalise(n, DEVIATIONS, series, lin)
+    q, t, density, speed = m.q[kind, :K], kf.time[:K], 1e-3, 0.2
+    in_time = wander_waves(Wander(3, 2), kf)
+    waves, rough = with_path_waves(m.q[kind], K, DEVIATIONS, in_time), DEVIATIONS / 16.0
+    more = waves.variance.size
+    lin, chain = new_linear(kf.time.size, more), new_chain(kf.time.size, more)
+    add_keyframes(kind, m, kf, rough, waves, lin)
+    still = np.zeros(PARAMETERS + more)
+    value = run_chain(n + more, density, 0.0, 0.0, speed, 1.0, m.q[kind], kf, lin, still, 0, chain)
+    value += marginalise(n, waves, chain)
 
-    q = m.q[kind, :K]
-    place = np.pi * (q - q.min()) / np.ptp(q)
-    # Columns: theta, every q but the first, the coefficients of four waves.
-    A, r = np.zeros((6 * K, n + K - 1)), np.empty(6 * K)
-    waves, V = np.zeros((6 * K, 24)), np.zeros((6 * K, 6 * K))
+    theta, of_q, r = np.zeros((6 * K, n)), np.zeros((6 * K, K)), np.empty(6 * K)
+    errors, C = np.zeros((6 * K, more)), np.zeros((6 * K, 6 * K))
+    place, first = np.pi * (q - q.min()) / np.ptp(q), in_time.variance.size
+    alphas = []
     for k in range(K):
         rows, (by_theta, by_q) = slice(6 * k, 6 * k + 6), _derivatives(kind, state, k, n)
         pose_difference(_pose(kind, state, q[k], np.zeros(11)), kf.Z[k], r[rows])
-        A[rows, :n] = by_theta
-        V[rows, rows] = kf.R[k] + rough
-        L = np.linalg.inv(np.linalg.cholesky(V[rows, rows]))
-        free = np.eye(6)
+        theta[rows], V = by_theta, kf.R[k] + rough
+        C[rows, rows] = V
+        across = np.eye(6)
         if k > 0:
-            A[rows, n + k - 1] = by_q
-            u = L @ by_q / np.linalg.norm(L @ by_q)
-            free -= np.linalg.inv(L) @ np.outer(u, u) @ L  # There is no deviation along the path.
-        for i in range(4):
-            waves[rows, 6 * i : 6 * i + 6] = free * np.cos((i + 1) * place[k])
-    prior = np.kron(np.diag(np.arange(1.0, 5.0) ** -4), DEVIATIONS)
-    S = np.linalg.inv(V + waves @ prior @ waves.T)
-    H, h = A.T @ S @ A, A.T @ S @ r
-    of_q = np.linalg.inv(H[n:, n:])
-    information = H[:n, :n] - H[:n, n:] @ of_q @ H[n:, :n]
-    lower = np.tril(lin.information[:n, :n])
-    assert_allclose(lower + np.tril(lower, -1).T, information, rtol=1e-3, atol=1e-3 * H.max() / 1e3)
-    vector = h[:n] - H[:n, n:] @ of_q @ h[n:]
-    assert_allclose(lin.vector[:n], vector, rtol=1e-3, atol=1e-3 * np.abs(vector).max())
-    of_deviations = np.linalg.slogdet(V + waves @ prior @ waves.T)[1]
-    value = -0.5 * (r @ S @ r - h[n:] @ of_q @ h[n:]) - 0.5 * of_deviations
-    assert_allclose(lin.value[0], value, atol=1e-2)
+            of_q[rows, k] = by_q
+            across -= np.outer(by_q, by_q @ np.linalg.inv(V)) / (by_q @ np.linalg.solve(V, by_q))
+            alphas.append(by_q @ np.linalg.solve(V, by_q))
+        for i in range(first):
+            errors[6 * k + in_time.direction[i], i] = in_time.value[k, i]
+        for i in range(4):  # There is no deviation along the path.
+            columns = slice(first + 6 * i, first + 6 * i + 6)
+            errors[rows, columns] = across * np.cos((i + 1) * place[k])
+    prior = np.concatenate(
+        [in_time.variance, np.kron(np.arange(1.0, 5.0) ** -4, np.diag(DEVIATIONS))]
+    )
+    early, late = np.minimum.outer(t - t[0], t - t[0]), np.maximum.outer(t - t[0], t - t[0])
+    of_chain = density * (early**2 * late / 2.0 - early**3 / 6.0) + speed**2 * early * late
+    C += of_q @ of_chain @ of_q.T + errors @ np.diag(prior) @ errors.T
+    z, S = r + of_q @ q, np.linalg.inv(C)
+    H, h = theta.T @ S @ theta, theta.T @ S @ z
+    lower = np.tril(chain.H[:n, :n])
+    assert_allclose(lower + np.tril(lower, -1).T, H, rtol=1e-3, atol=1e-6 * H.max())
+    assert_allclose(chain.h[:n], h, rtol=1e-3, atol=1e-3 * np.abs(h).max())
+    assert_allclose(value, -0.5 * (z @ S @ z + np.linalg.slogdet(C)[1]), atol=2e-2)
 
 
 @pytest.mark.parametrize(("name", "kind"), [("drawer", PRISMATIC), ("door", REVOLUTE)])
@@ -108,7 +119,8 @@ def test_smooth_deviations_explain_bends_better_than_independent_ones(name: str,
     covariance = np.empty((4, 11, 11))
     for seed in range(3):
         state = _state(f"{name}, bent by 2 mm, 1 mm", 20.0, seed)
-        smooth_evidence(state.models, state.keyframes, priors, DEVIATIONS, smooth, covariance)
+        m, kf = state.models, state.keyframes
+        smooth_evidence(m, kf, priors, DEVIATIONS, no_waves(kf.time.size), smooth, covariance)
         assert smooth[kind] > state.models.log_evidence[kind] + 5.0
         assert state.deviations_index > 0
 
@@ -118,6 +130,7 @@ def test_in_white_noise_there_are_no_bends() -> None:
     smooth, covariance = np.empty(5), np.empty((4, 11, 11))
     for name, kind in (("door", REVOLUTE), ("drawer", PRISMATIC), ("rigid", RIGID)):
         state = _state(name, 10.0)
-        smooth_evidence(state.models, state.keyframes, priors, DEVIATIONS, smooth, covariance)
+        m, kf = state.models, state.keyframes
+        smooth_evidence(m, kf, priors, DEVIATIONS, no_waves(kf.time.size), smooth, covariance)
         assert smooth[kind] < state.models.log_evidence[kind] + 3.0
         assert state.deviations_index == 0

@@ -14,7 +14,7 @@ import numpy as np
 
 from crossmodal.maths import cholesky
 from crossmodal.maths.arrays import Array
-from crossmodal.maths.compiled import hot
+from crossmodal.maths.compiled import assign, hot
 from crossmodal.systems.kinematics.evidence.bent_slide import far_evidence
 from crossmodal.systems.kinematics.evidence.covariance_floor import (
     FLOORS,
@@ -137,6 +137,30 @@ def linear_evidence(
 
 
 @hot
+def _screw_from_hinge(
+    m: Models, kf: Keyframes, priors: Priors, rough: Array, waves: Waves, chain: Chain
+) -> float:
+    """`linear_evidence` of a screw about the hinge's solution, where it has no pitch."""
+    screw = int(np.int64(SCREW))  # For a literal, Numba would compile all callees again.
+    Y, a, c, pitch = m.Y[screw].copy(), m.a[screw].copy(), m.c[screw].copy(), m.pitch[screw]
+    q, inlier, S = m.q[screw].copy(), m.inlier[screw].copy(), m.process_noise[screw]
+    assign(m.Y[screw], m.Y[REVOLUTE])
+    assign(m.a[screw], m.a[REVOLUTE])
+    assign(m.c[screw], m.c[REVOLUTE])
+    assign(m.q[screw], m.q[REVOLUTE])
+    assign(m.inlier[screw], m.inlier[REVOLUTE])
+    m.pitch[screw], m.process_noise[screw] = 0.0, m.process_noise[REVOLUTE]
+    value = linear_evidence(screw, m, kf, priors, rough, waves, -1, chain)
+    assign(m.Y[screw], Y)
+    assign(m.a[screw], a)
+    assign(m.c[screw], c)
+    assign(m.q[screw], q)
+    assign(m.inlier[screw], inlier)
+    m.pitch[screw], m.process_noise[screw] = pitch, S
+    return value
+
+
+@hot
 def smooth_evidence(
     m: Models,
     kf: Keyframes,
@@ -166,7 +190,9 @@ def smooth_evidence(
     evidence[:], covariance[:] = m.log_evidence, m.covariance
     # A screw that is no likelier than its limit, the hinge, is not solved for itself.
     is_hinge = evidence[SCREW] <= evidence[REVOLUTE]
-    least, log_det = evidence.max() - _NEGLIGIBLE, 0.5 * kf.log_det[:size].sum()
+    # A free motion has no need of a tracker's errors, without which no joint explains anything.
+    best = evidence[:JOINTS].max() if errors.variance.size > 0 else evidence.max()
+    least, log_det = best - _NEGLIGIBLE, 0.5 * kf.log_det[:size].sum()
     is_smooth = np.trace(deviations) > 0.0
     rough = _ROUGH**2 * deviations if is_smooth else kf.floor
     for kind in range(JOINTS - 1, -1, -1):
@@ -187,6 +213,12 @@ def smooth_evidence(
         covariance[kind, :n, :n] += np.outer(chain.step[:n], chain.step[:n])
         if kind == REVOLUTE and is_hinge:
             evidence[SCREW] += smooth - independent
+            if errors.variance.size > 0:
+                as_screw = _screw_from_hinge(m, kf, priors, rough, waves, chain)
+                evidence[SCREW] = evidence[REVOLUTE] + as_screw - smooth
+                evidence[SCREW] += m.marginal_evidence[SCREW] - m.marginal_evidence[REVOLUTE]
+                pitch, variance = chain.step[10], chain.H[10, 10] ** -2
+                evidence[SCREW] += pitch_evidence(pitch, variance)
         if kind == SCREW:
             evidence[SCREW] -= pitch_evidence(pitch, variance)
             pitch, variance = pitch + chain.step[10], chain.H[10, 10] ** -2

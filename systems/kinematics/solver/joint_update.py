@@ -135,7 +135,9 @@ def solve_all(m: Models, kf: Keyframes, priors: Priors, steps: int, all_models: 
         Whether all models were scheduled.
     """
     before, solved = m.log_evidence.copy(), np.zeros(JOINTS + 1, dtype=np.bool_)
-    best, ratio = int(np.argmax(before)), before[SCREW] - before[REVOLUTE]
+    # A free motion has no need of a tracker's errors, with which the joints are solved.
+    best = int(np.argmax(before[:JOINTS] if kf.wander[0] > 0.0 else before))
+    ratio = before[SCREW] - before[REVOLUTE]
     seen, gain = _turns_are_seen(kf), 0.0
     for i in range(-1, JOINTS + 1):
         kind = best if i < 0 else i  # The best model first, since others inherit its change.

@@ -322,9 +322,9 @@ class JointFilters:
             models, keyframes, index = with_likelier_floor(
                 models, keyframes, index, tries, reported, estimated, priors, log_prior
             )
-        wander = state.wander
+        wander, gain = state.wander, state.wander_gain
         if all_models and self._may_wander:
-            models, keyframes, wander = likelier_wander(
+            models, keyframes, wander, gain = likelier_wander(
                 models, keyframes, wander, rounds, priors, log_prior, self._wander_odds
             )
         if all_models:
@@ -344,6 +344,7 @@ class JointFilters:
             floor_index=index,
             deviations_index=deviations,
             wander=wander,
+            wander_gain=gain,
         )
         return self._with_probabilities(updated)
 
@@ -378,7 +379,13 @@ class JointFilters:
             state.deviations_index, state.reported, estimated_scale(state.noise)
         )
         evidence, covariance = type_evidence(
-            m, kf, self._priors, deviations, state.wander, self._wander_odds
+            m,
+            kf,
+            self._priors,
+            deviations,
+            state.wander,
+            state.wander_gain,
+            self._wander_odds,
         )
         p, likeliest = reported_probabilities(
             evidence + self._log_prior_of_reports, evidence + self._log_prior

@@ -76,6 +76,7 @@ class JointFiltersState(Immutable):
         floor_index: In `covariance_floor.FLOORS` of what the keyframes have.
         deviations_index: The same of how large smooth deviations are (`type_evidence`).
         wander: The likeliest smooth error of the rotations; `NONE` if nobody has looked.
+        wander_gain: See `type_evidence`.
         covariance: (J, N, N) of each model's theta, deviations smooth or independent.
         W_zero: See `read_configuration`.
         reference_noise: Covariance (6, 6), in B, of the measured reference.
@@ -107,6 +108,7 @@ class JointFiltersState(Immutable):
     floor_index: int = 0
     deviations_index: int = 0
     wander: Wander = NONE
+    wander_gain: Array | None = None
     offset: Array = field(default_factory=lambda: np.zeros((6, 6)))
     reset_count: int = 0
     skipped: Mapping[SkipReason, int] = field(default_factory=dict)

@@ -289,6 +289,7 @@ def type_evidence(
     priors: Priors,
     deviations: Array,
     wander: Wander = NONE,
+    gain: Array | None = None,
     log_odds: float = 0.0,
 ) -> tuple[Array, Array]:
     """Log evidence (5,) of each type, and covariance (J, N, N) of each model's theta.
@@ -300,6 +301,8 @@ def type_evidence(
     Args:
         deviations: Covariance (6, 6), in B, of smooth deviations from the path; zero for none.
         wander: The likeliest but none.
+        gain: (J,) log evidence of each joint with it over that of all without it, as it was when
+            they were last solved with it; for models that were solved without.
         log_odds: Prior log odds of it against none, [nat].
     """
     none, nothing = 0.0 * deviations, no_waves(kf.time.size)
@@ -308,8 +311,12 @@ def type_evidence(
     if np.trace(deviations) > 0.0:
         unusual = _UNUSUAL + 0.5 * deviations[3, 3] / USUAL_DEVIATION[3]
         others.append((-unusual, deviations, nothing))
-    if wander != NONE:
+    if wander != NONE and kf.wander[0] > 0.0:
         others.append((log_odds, none, wander_waves(wander, kf)))
+    elif wander != NONE and gain is not None:
+        # From a solution without these errors, one with them is too far to be linearised.
+        of_joints = np.logaddexp.reduce(evidence[:JOINTS]) + gain + log_odds
+        evidence[:JOINTS] = np.logaddexp(evidence[:JOINTS], of_joints)
     for odds, of_path, errors in others:
         smooth, C = _evidence_with(m, kf, priors, of_path, errors)
         total = np.logaddexp(evidence, smooth + odds)
@@ -350,7 +357,7 @@ def likelier_wander(
     priors: Priors,
     log_prior: Array,
     log_odds: float,
-) -> tuple[Models, Keyframes, Wander]:
+) -> tuple[Models, Keyframes, Wander, Array]:
     """The likeliest wander, and the models and keyframes, solved with it where it is likely.
 
     It is that under which the joints explain most, whichever that is. If rotations err, joints
@@ -363,33 +370,39 @@ def likelier_wander(
         before: The likeliest before; `NONE` if nobody has looked.
         tries: How many there were, by which the time is chosen that is tried beside.
         log_odds: Of each wander against none, before anything was measured.
+
+    Returns:
+        Models, keyframes, the likeliest wander, and its `gain`, see `type_evidence`.
     """
     start = before if before != NONE else GENEROUS
     is_used = kf.wander[0] > 0.0
     models, frames = (m, kf) if is_used else _solved_with(start, m, kf, priors)
-    values: dict[Wander, float] = {}
+    found: dict[Wander, Array] = {}
 
-    def value(wander: Wander) -> float:
-        if wander not in values:
+    def evidence(wander: Wander) -> Array:
+        if wander not in found:
             at = (models, frames) if wander != NONE else (m, kf)
             errors, none = wander_waves(wander, kf), np.zeros((6, 6))
-            evidence = (_evidence_with(*at, priors, none, errors)[0] + log_prior)[:JOINTS]
-            odds = log_odds if wander != NONE else 0.0
-            normaliser = 0.5 * at[1].log_det[: at[1].size[0]].sum()
-            values[wander] = float(np.logaddexp.reduce(evidence)) + odds - normaliser
-        return values[wander]
+            of_joints = _evidence_with(*at, priors, none, errors)[0][:JOINTS]
+            found[wander] = of_joints - 0.5 * at[1].log_det[: at[1].size[0]].sum()
+        return found[wander]
+
+    def value(wander: Wander) -> float:
+        odds = log_odds if wander != NONE else 0.0
+        return float(np.logaddexp.reduce(evidence(wander) + log_prior[:JOINTS])) + odds
 
     column = [Wander(n, tries % len(TIMES)) for n in range(len(SIZES))]
     best = max([start, *column], key=value)
     best = start if value(best) < value(start) + _LEAST_GAIN else best
     while (other := max(best.neighbours, key=value)) and value(other) > value(best) + _LEAST_GAIN:
         best = other
+    gain = evidence(best) - np.logaddexp.reduce(evidence(NONE))
     is_better = value(best) - value(NONE) > (-_LEAST_GAIN if is_used else _LEAST_GAIN)
     wanted = best if is_better else NONE
     for at in ((m, kf), (models, frames)):
         if at[1].wander[0] == wanted.variance:
-            return *at, best
-    return *_solved_with(wanted, models, kf, priors), best
+            return *at, best, gain
+    return *_solved_with(wanted, models, kf, priors), best, gain
 
 
 def _solved_with(w: Wander, m: Models, kf: Keyframes, priors: Priors) -> tuple[Models, Keyframes]:

@@ -18,7 +18,7 @@ from crossmodal.maths import cholesky
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.compiled import assign, hot
 from crossmodal.maths.se3_in_place import pose_difference
-from crossmodal.systems.kinematics.keyframes.outliers import blend, inlier_share
+from crossmodal.systems.kinematics.keyframes.outliers import inlier_share
 from crossmodal.systems.kinematics.keyframes.pose_keyframes import (
     FREE_MOTIONS,
     MEMORY,
@@ -158,14 +158,19 @@ def _reduce(P: Array, A: Array, B: Array) -> None:
 
 
 @hot
-def _blended(kf: Keyframes, k: int, inlier: float, R: Array) -> None:
-    """Writes the covariance in F of a keyframe that is an outlier by a part into `R` (1, 6, 6)."""
+def _blended(R: Array, R_out: Array, k: int, inlier: float, out: Array) -> None:
+    """Writes the covariance of a keyframe that is an outlier by a part into `out` (1, 6, 6)."""
     six = int(np.int64(6))
-    L, W = np.empty((6, 6)), np.empty((6, 6))
-    blend(kf.W, kf.W_out, k, inlier, L)
-    cholesky.factor(L, six)
-    cholesky.inverse(L, W, six)
-    _rotate(kf.Z[k], W, R[0])
+    L, W = np.empty((6, 6)), np.zeros((6, 6))
+    for share, covariance in ((inlier, R), (1.0 - inlier, R_out)):
+        assign(L, covariance[k])
+        cholesky.factor(L, six)
+        cholesky.inverse(L, out[0], six)
+        for i in range(6):
+            for j in range(6):
+                W[i, j] += share * out[0, i, j]
+    cholesky.factor(W, six)
+    cholesky.inverse(W, out[0], six)
 
 
 @hot
@@ -210,7 +215,7 @@ def _filter(
         if kf.undecided[k] > 0.0:
             inlier[k], density = inlier_share(density, outlier, share)
             if inlier[k] < 1.0 - 1e-9:
-                _blended(kf, k, inlier[k], blended)
+                _blended(R, R_out, k, inlier[k], blended)
                 _whiten(e, A, blended, zero, L, x)
         value += density
         if k < kf.size[0] - kf.pending[0]:

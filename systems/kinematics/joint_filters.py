@@ -325,11 +325,26 @@ class JointFilters:
         wander, gain = state.wander, state.wander_gain
         if all_models and self._may_wander:
             models, keyframes, wander, gain = likelier_wander(
-                models, keyframes, wander, rounds, priors, log_prior, self._wander_odds
+                models,
+                keyframes,
+                wander,
+                covariance_floor(deviations, reported, estimated),
+                rounds,
+                priors,
+                log_prior,
+                self._wander_odds,
             )
         if all_models:
             deviations = likelier_deviations(
-                models, keyframes, deviations, rounds, reported, estimated, priors, log_prior
+                models,
+                keyframes,
+                deviations,
+                rounds,
+                reported,
+                estimated,
+                priors,
+                log_prior,
+                wander,
             )
         updated = replace(
             state,

@@ -305,26 +305,39 @@ def type_evidence(
             they were last solved with it; for models that were solved without.
         log_odds: Prior log odds of it against none, [nat].
     """
-    none, nothing = 0.0 * deviations, no_waves(kf.time.size)
-    evidence, covariance = _evidence_with(m, kf, priors, none, nothing)
-    others = []
-    if np.trace(deviations) > 0.0:
-        unusual = _UNUSUAL + 0.5 * deviations[3, 3] / USUAL_DEVIATION[3]
-        others.append((-unusual, deviations, nothing))
+    evidence, covariance = _with_deviations(m, kf, priors, deviations, no_waves(kf.time.size))
     if wander != NONE and kf.wander[0] > 0.0:
-        others.append((log_odds, none, wander_waves(wander, kf)))
-    elif wander != NONE and gain is not None:
+        errors = wander_waves(wander, kf)
+        smooth, C = _with_deviations(m, kf, priors, deviations, errors)
+        return _mixed(evidence, covariance, smooth + log_odds, C)
+    if wander != NONE and gain is not None:
         # From a solution without these errors, one with them is too far to be linearised.
         of_joints = np.logaddexp.reduce(evidence[:JOINTS]) + gain + log_odds
         evidence[:JOINTS] = np.logaddexp(evidence[:JOINTS], of_joints)
-    for odds, of_path, errors in others:
-        smooth, C = _evidence_with(m, kf, priors, of_path, errors)
-        total = np.logaddexp(evidence, smooth + odds)
-        for kind in range(JOINTS):
-            p = np.exp(smooth[kind] + odds - total[kind])
-            covariance[kind] = p * C[kind] + (1.0 - p) * covariance[kind]
-        evidence = total
     return evidence, covariance
+
+
+def _mixed(
+    evidence: Array, covariance: Array, other: Array, other_covariance: Array
+) -> tuple[Array, Array]:
+    """Evidence and covariance of a mixture of two hypotheses; see `type_evidence`."""
+    total, covariance = np.logaddexp(evidence, other), covariance.copy()
+    for kind in range(JOINTS):
+        p = np.exp(other[kind] - total[kind])
+        covariance[kind] = p * other_covariance[kind] + (1.0 - p) * covariance[kind]
+    return total, covariance
+
+
+def _with_deviations(
+    m: Models, kf: Keyframes, priors: Priors, deviations: Array, errors: Waves
+) -> tuple[Array, Array]:
+    """`type_evidence` with these errors, and deviations from the path that there may be."""
+    evidence, covariance = _evidence_with(m, kf, priors, 0.0 * deviations, errors)
+    if np.trace(deviations) == 0.0:
+        return evidence, covariance
+    unusual = _UNUSUAL + 0.5 * deviations[3, 3] / USUAL_DEVIATION[3]
+    smooth, C = _evidence_with(m, kf, priors, deviations, errors)
+    return _mixed(evidence, covariance, smooth - unusual, C)
 
 
 def likelier_deviations(
@@ -336,15 +349,17 @@ def likelier_deviations(
     scale: Array,
     priors: Priors,
     log_prior: Array,
+    wander: Wander = NONE,
 ) -> int:
     """Index in `FLOORS` of the size of smooth deviations: `index`, or the one that is tried next.
 
     It is the one under which all keyframes are likelier, whatever the type. The arguments are those
-    of `with_likelier_floor`.
+    of `with_likelier_floor` and `type_evidence`.
     """
     other = next_index(index, tries, _SIZES)
     floors = [covariance_floor(i, reported, scale) for i in (index, other)]
-    evidence = [type_evidence(m, kf, priors, floor)[0] for floor in floors]
+    errors = wander_waves(wander if kf.wander[0] > 0.0 else NONE, kf)
+    evidence = [_with_deviations(m, kf, priors, floor, errors)[0] for floor in floors]
     now, then = np.logaddexp.reduce(np.array(evidence) + log_prior, axis=1)
     return other if then - now > _LEAST_GAIN else index
 
@@ -353,6 +368,7 @@ def likelier_wander(
     m: Models,
     kf: Keyframes,
     before: Wander,
+    deviations: Array,
     tries: int,
     priors: Priors,
     log_prior: Array,
@@ -368,6 +384,7 @@ def likelier_wander(
         m: Models; not changed.
         kf: Keyframes; not changed. All must have been explained by free motions.
         before: The likeliest before; `NONE` if nobody has looked.
+        deviations: See `type_evidence`.
         tries: How many there were, by which the time is chosen that is tried beside.
         log_odds: Of each wander against none, before anything was measured.
 
@@ -377,27 +394,29 @@ def likelier_wander(
     start = before if before != NONE else GENEROUS
     is_used = kf.wander[0] > 0.0
     models, frames = (m, kf) if is_used else _solved_with(start, m, kf, priors)
-    found: dict[Wander, Array] = {}
+    values: dict[Wander, float] = {}
 
-    def evidence(wander: Wander) -> Array:
-        if wander not in found:
-            at = (models, frames) if wander != NONE else (m, kf)
-            errors, none = wander_waves(wander, kf), np.zeros((6, 6))
-            of_joints = _evidence_with(*at, priors, none, errors)[0][:JOINTS]
-            found[wander] = of_joints - 0.5 * at[1].log_det[: at[1].size[0]].sum()
-        return found[wander]
+    def evidence(wander: Wander, of_path: Array) -> Array:
+        at, errors = (models, frames) if wander != NONE else (m, kf), wander_waves(wander, kf)
+        of_joints = _with_deviations(*at, priors, of_path, errors)[0][:JOINTS]
+        return np.asarray(of_joints - 0.5 * at[1].log_det[: at[1].size[0]].sum())
 
     def value(wander: Wander) -> float:
-        odds = log_odds if wander != NONE else 0.0
-        return float(np.logaddexp.reduce(evidence(wander) + log_prior[:JOINTS])) + odds
+        if wander not in values:
+            at = evidence(wander, 0.0 * deviations)
+            values[wander] = float(np.logaddexp.reduce(at + log_prior[:JOINTS]))
+        return values[wander]
 
     column = [Wander(n, tries % len(TIMES)) for n in range(len(SIZES))]
     best = max([start, *column], key=value)
     best = start if value(best) < value(start) + _LEAST_GAIN else best
     while (other := max(best.neighbours, key=value)) and value(other) > value(best) + _LEAST_GAIN:
         best = other
-    gain = evidence(best) - np.logaddexp.reduce(evidence(NONE))
-    is_better = value(best) - value(NONE) > (-_LEAST_GAIN if is_used else _LEAST_GAIN)
+    without, with_it = evidence(NONE, deviations), evidence(best, deviations)
+    gain = with_it - np.logaddexp.reduce(without)
+    log_odds += np.logaddexp.reduce(with_it + log_prior[:JOINTS])
+    log_odds -= np.logaddexp.reduce(without + log_prior[:JOINTS])
+    is_better = log_odds > (-_LEAST_GAIN if is_used else _LEAST_GAIN)
     wanted = best if is_better else NONE
     for at in ((m, kf), (models, frames)):
         if at[1].wander[0] == wanted.variance:

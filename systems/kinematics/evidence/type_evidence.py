@@ -309,10 +309,10 @@ def type_evidence(
     if wander != NONE and kf.wander[0] > 0.0:
         errors = wander_waves(wander, kf)
         smooth, C = _with_deviations(m, kf, priors, deviations, errors)
-        return _mixed(evidence, covariance, smooth + log_odds, C)
+        return _mixed(evidence, covariance, smooth + log_odds + wander.log_prior, C)
     if wander != NONE and gain is not None:
         # From a solution without these errors, one with them is too far to be linearised.
-        of_joints = np.logaddexp.reduce(evidence[:JOINTS]) + gain + log_odds
+        of_joints = np.logaddexp.reduce(evidence[:JOINTS]) + gain + log_odds + wander.log_prior
         evidence[:JOINTS] = np.logaddexp(evidence[:JOINTS], of_joints)
     return evidence, covariance
 
@@ -404,7 +404,7 @@ def likelier_wander(
     def value(wander: Wander) -> float:
         if wander not in values:
             at = evidence(wander, 0.0 * deviations)
-            values[wander] = float(np.logaddexp.reduce(at + log_prior[:JOINTS]))
+            values[wander] = float(np.logaddexp.reduce(at + log_prior[:JOINTS])) + wander.log_prior
         return values[wander]
 
     column = [Wander(n, tries % len(TIMES)) for n in range(len(SIZES))]
@@ -414,6 +414,7 @@ def likelier_wander(
         best = other
     without, with_it = evidence(NONE, deviations), evidence(best, deviations)
     gain = with_it - np.logaddexp.reduce(without)
+    log_odds += best.log_prior
     log_odds += np.logaddexp.reduce(with_it + log_prior[:JOINTS])
     log_odds -= np.logaddexp.reduce(without + log_prior[:JOINTS])
     is_better = log_odds > (-_LEAST_GAIN if is_used else _LEAST_GAIN)

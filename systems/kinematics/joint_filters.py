@@ -53,11 +53,12 @@ from crossmodal.systems.kinematics.evidence.goodness_of_fit import (
     reported_probabilities,
 )
 from crossmodal.systems.kinematics.evidence.type_evidence import (
+    DEVIATIONS,
     likelier_deviations,
     likelier_wander,
     type_evidence,
 )
-from crossmodal.systems.kinematics.evidence.wander import COUNT
+from crossmodal.systems.kinematics.evidence.wander import COUNT, SIZES
 from crossmodal.systems.kinematics.joint_filters_config import JointFiltersConfig, TypePriorsConfig
 from crossmodal.systems.kinematics.joint_filters_state import (
     LEAST_NOISE,
@@ -323,12 +324,14 @@ class JointFilters:
                 models, keyframes, index, tries, reported, estimated, priors, log_prior
             )
         wander, gain = state.wander, state.wander_gain
-        if all_models and self._may_wander:
+        smallest = int(np.searchsorted(SIZES, np.sqrt(np.diagonal(reported)[:3].max())))
+        if all_models and self._may_wander and smallest < len(SIZES):
             models, keyframes, wander, gain = likelier_wander(
                 models,
                 keyframes,
                 wander,
-                covariance_floor(deviations, reported, estimated),
+                smallest,
+                [covariance_floor(i, reported, estimated) for i in range(DEVIATIONS)],
                 rounds,
                 priors,
                 log_prior,

@@ -195,6 +195,8 @@ def smooth_evidence(
     least, log_det = best - _NEGLIGIBLE, 0.5 * kf.log_det[:size].sum()
     is_smooth = np.trace(deviations) > 0.0
     rough = _ROUGH**2 * deviations if is_smooth else kf.floor
+    # Errors of the rotation seem to be jumps until they are known.
+    since = -1 if errors.variance.size > 0 else 0
     for kind in range(JOINTS - 1, -1, -1):
         if evidence[kind] < least or (kind == SCREW and is_hinge):
             continue
@@ -204,9 +206,8 @@ def smooth_evidence(
         waves = errors
         if is_smooth and kind != RIGID:
             waves = with_path_waves(m.q[kind], size, deviations, errors)
-        smooth = linear_evidence(
-            kind, m, kf, priors, rough if kind != RIGID else kf.floor, waves, -1, chain
-        )
+        independently = rough if kind != RIGID else kf.floor
+        smooth = linear_evidence(kind, m, kf, priors, independently, waves, since, chain)
         evidence[kind] += smooth - independent
         n = dimension(kind)
         cholesky.inverse(chain.H, covariance[kind], n)
@@ -239,7 +240,7 @@ def bend(m: Models, kf: Keyframes, priors: Priors, deviations: Array, errors: Wa
 
 _UNUSUAL = 5.0  # Prior log odds against smooth deviations, [nat].
 # Of `FLOORS`; with the largest a ball joint would be a hinge with smooth deviations.
-_SIZES = len(FLOORS) - 1
+DEVIATIONS = len(FLOORS) - 1
 _LEAST_GAIN = 0.5  # Least gain in log probability by other deviations, [nat].
 _AHEAD = 3.0  # Log evidence over the slide's from which a hinge's own solution counts, [nat].
 _PRUNING_THRESHOLD = 20.0  # Log evidence of a slide below the best one's, [nat].
@@ -301,8 +302,8 @@ def type_evidence(
     Args:
         deviations: Covariance (6, 6), in B, of smooth deviations from the path; zero for none.
         wander: The likeliest but none.
-        gain: (J,) log evidence of each joint with it over that of all without it, as it was when
-            they were last solved with it; for models that were solved without.
+        gain: (2, J) log evidence of each joint with it over that of all without it, and of itself
+            without it, as they were when last solved with it; for models that were solved without.
         log_odds: Prior log odds of it against none, [nat].
     """
     evidence, covariance = _with_deviations(m, kf, priors, deviations, no_waves(kf.time.size))
@@ -312,7 +313,10 @@ def type_evidence(
         return _mixed(evidence, covariance, smooth + log_odds + wander.log_prior, C)
     if wander != NONE and gain is not None:
         # From a solution without these errors, one with them is too far to be linearised.
-        of_joints = np.logaddexp.reduce(evidence[:JOINTS]) + gain + log_odds + wander.log_prior
+        before = np.minimum(
+            np.logaddexp.reduce(evidence[:JOINTS]) + gain[0], evidence[:JOINTS] + gain[1]
+        )
+        of_joints = before + log_odds + wander.log_prior
         evidence[:JOINTS] = np.logaddexp(evidence[:JOINTS], of_joints)
     return evidence, covariance
 
@@ -356,7 +360,7 @@ def likelier_deviations(
     It is the one under which all keyframes are likelier, whatever the type. The arguments are those
     of `with_likelier_floor` and `type_evidence`.
     """
-    other = next_index(index, tries, _SIZES)
+    other = next_index(index, tries, DEVIATIONS)
     floors = [covariance_floor(i, reported, scale) for i in (index, other)]
     errors = wander_waves(wander if kf.wander[0] > 0.0 else NONE, kf)
     evidence = [_with_deviations(m, kf, priors, floor, errors)[0] for floor in floors]
@@ -368,7 +372,8 @@ def likelier_wander(
     m: Models,
     kf: Keyframes,
     before: Wander,
-    deviations: Array,
+    smallest: int,
+    deviations: list[Array],
     tries: int,
     priors: Priors,
     log_prior: Array,
@@ -384,17 +389,23 @@ def likelier_wander(
         m: Models; not changed.
         kf: Keyframes; not changed. All must have been explained by free motions.
         before: The likeliest before; `NONE` if nobody has looked.
-        deviations: See `type_evidence`.
+        smallest: Index of the smallest size that counts; those below are within what is reported.
+        deviations: Covariances (6, 6) of smooth deviations from the path, the first of them zero:
+            what these explain is no error of rotations.
         tries: How many there were, by which the time is chosen that is tried beside.
         log_odds: Of each wander against none, before anything was measured.
 
     Returns:
         Models, keyframes, the likeliest wander, and its `gain`, see `type_evidence`.
     """
-    start = before if before != NONE else GENEROUS
+    start = Wander(max(smallest, GENEROUS.at_size), GENEROUS.at_time)
+    start = before if before.at_size >= smallest else start
     is_used = kf.wander[0] > 0.0
     models, frames = (m, kf) if is_used else _solved_with(start, m, kf, priors)
     values: dict[Wander, float] = {}
+
+    def total(of_joints: Array) -> float:
+        return float(np.logaddexp.reduce(of_joints + log_prior[:JOINTS]))
 
     def evidence(wander: Wander, of_path: Array) -> Array:
         at, errors = (models, frames) if wander != NONE else (m, kf), wander_waves(wander, kf)
@@ -403,20 +414,22 @@ def likelier_wander(
 
     def value(wander: Wander) -> float:
         if wander not in values:
-            at = evidence(wander, 0.0 * deviations)
-            values[wander] = float(np.logaddexp.reduce(at + log_prior[:JOINTS])) + wander.log_prior
+            values[wander] = total(evidence(wander, deviations[0])) + wander.log_prior
         return values[wander]
 
-    column = [Wander(n, tries % len(TIMES)) for n in range(len(SIZES))]
-    best = max([start, *column], key=value)
+    sizes = range(smallest, len(SIZES))
+    best = max([start, *(Wander(n, tries % len(TIMES)) for n in sizes)], key=value)
     best = start if value(best) < value(start) + _LEAST_GAIN else best
-    while (other := max(best.neighbours, key=value)) and value(other) > value(best) + _LEAST_GAIN:
+    while True:
+        beside = [w for w in best.neighbours if w.at_size in sizes]
+        other = max(beside, key=value)
+        if value(other) < value(best) + _LEAST_GAIN:
+            break
         best = other
-    without, with_it = evidence(NONE, deviations), evidence(best, deviations)
-    gain = with_it - np.logaddexp.reduce(without)
-    log_odds += best.log_prior
-    log_odds += np.logaddexp.reduce(with_it + log_prior[:JOINTS])
-    log_odds -= np.logaddexp.reduce(without + log_prior[:JOINTS])
+    without = max((evidence(NONE, of_path) for of_path in deviations), key=total)
+    with_it = max((evidence(best, of_path) for of_path in deviations), key=total)
+    gain = with_it - np.array([np.repeat(np.logaddexp.reduce(without), JOINTS), without])
+    log_odds += best.log_prior + total(with_it) - total(without)
     is_better = log_odds > (-_LEAST_GAIN if is_used else _LEAST_GAIN)
     wanted = best if is_better else NONE
     for at in ((m, kf), (models, frames)):

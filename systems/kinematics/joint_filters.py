@@ -318,21 +318,22 @@ class JointFilters:
         rounds, all_models = updates // _ALL_MODELS_EVERY, updates % _ALL_MODELS_EVERY == 0
         fresh, log_prior = _wants_restart(state), self._log_prior
         update_models(models, keyframes, X_FB, R, now, priors, log_prior, fresh, all_models)
-        if all_models and (rounds <= _OFTEN or rounds % 3 == 0):
-            tries = rounds if rounds <= _OFTEN else rounds // 3
+        tries = rounds if rounds <= _OFTEN else rounds // 3
+        tries_others = all_models and (rounds <= _OFTEN or rounds % 3 == 0)
+        if tries_others:
             models, keyframes, index = with_likelier_floor(
                 models, keyframes, index, tries, reported, estimated, priors, log_prior
             )
         wander, gain = state.wander, state.wander_gain
         smallest = int(np.searchsorted(SIZES, np.sqrt(np.diagonal(reported)[:3].max())))
-        if all_models and self._may_wander and smallest < len(SIZES):
+        if tries_others and self._may_wander and smallest < len(SIZES):
             models, keyframes, wander, gain = likelier_wander(
                 models,
                 keyframes,
                 wander,
                 smallest,
                 [covariance_floor(i, reported, estimated) for i in range(DEVIATIONS)],
-                rounds,
+                tries,
                 priors,
                 log_prior,
                 self._wander_odds,

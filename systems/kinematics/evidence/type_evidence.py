@@ -426,10 +426,13 @@ def likelier_wander(
         if value(other) < value(best) + _LEAST_GAIN:
             break
         best = other
-    without = max((evidence(NONE, of_path) for of_path in deviations), key=total)
-    with_it = max((evidence(best, of_path) for of_path in deviations), key=total)
+    log_odds += best.log_prior
+    is_close = log_odds + total(evidence(best, deviations[0])) > value(NONE) - _PRUNING_THRESHOLD
+    of_paths = deviations if is_close else deviations[:1]
+    without = max((evidence(NONE, of_path) for of_path in of_paths), key=total)
+    with_it = max((evidence(best, of_path) for of_path in of_paths), key=total)
     gain = with_it - np.array([np.repeat(np.logaddexp.reduce(without), JOINTS), without])
-    log_odds += best.log_prior + total(with_it) - total(without)
+    log_odds += total(with_it) - total(without)
     is_better = log_odds > (-_LEAST_GAIN if is_used else _LEAST_GAIN)
     wanted = best if is_better else NONE
     for at in ((m, kf), (models, frames)):

@@ -150,7 +150,7 @@ def _smooth(x: Array, length: float, rng: np.random.Generator, columns: int) -> 
     """Smooth random functions (N, columns) of x (N,), of unit variance."""
     K = np.exp(-0.5 * ((x[:, None] - x) / length) ** 2)
     return np.asarray(
-        np.linalg.cholesky(K + 1e-8 * np.eye(x.size)) @ rng.normal(size=(x.size, columns))
+        np.linalg.cholesky(K + 1e-9 * np.eye(x.size)) @ rng.normal(size=(x.size, columns))
     )
 
 

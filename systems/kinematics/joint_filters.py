@@ -9,7 +9,8 @@ parameters and its share of the evidence.
 
 The reported covariance of the measurements is a prior. How large their noise is, and whether it is
 correlated in time, follows from the stream itself (`measurement_noise`). Errors that do not average
-out, and how far the path is from an ideal joint's, follow from the evidence (`covariance_floor`). A
+out, and how far the path is from an ideal joint's, follow from the evidence (`covariance_floor`);
+so do rotations that err smoothly by more than is reported (`wander`). A
 measurement that is far off is an outlier with a probability (`outliers`). Where no joint explains
 the motion, a free one wins (`free_motion`), and the distance of the measurements from its path
 limits the probability of a joint (`goodness_of_fit.largest_probability`).

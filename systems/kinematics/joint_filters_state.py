@@ -10,6 +10,7 @@ from crossmodal.maths.arrays import Array
 from crossmodal.maths.immutable import Immutable
 from crossmodal.systems.kinematics.evidence.covariance_floor import FLOORS
 from crossmodal.systems.kinematics.evidence.goodness_of_fit import reduced_chi_square
+from crossmodal.systems.kinematics.evidence.type_evidence import NO_GAIN
 from crossmodal.systems.kinematics.evidence.wander import NONE, Wander
 from crossmodal.systems.kinematics.joint_filters_config import JointFiltersConfig
 from crossmodal.systems.kinematics.keyframes.measurement_noise import (
@@ -108,7 +109,7 @@ class JointFiltersState(Immutable):
     floor_index: int = 0
     deviations_index: int = 0
     wander: Wander = NONE
-    wander_gain: Array | None = None
+    wander_gain: Array = field(default_factory=NO_GAIN.copy)
     offset: Array = field(default_factory=lambda: np.zeros((6, 6)))
     reset_count: int = 0
     skipped: Mapping[SkipReason, int] = field(default_factory=dict)
@@ -297,6 +298,7 @@ def rebased_state(
         floor_index=0,
         deviations_index=0,
         wander=NONE,
+        wander_gain=NO_GAIN,
         W_zero=np.asarray(np.linalg.inv(R)),
         offset=offset,
     )

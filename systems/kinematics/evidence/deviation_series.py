@@ -67,7 +67,7 @@ def with_path_waves(q: Array, size: int, deviations: Array, others: Waves) -> Wa
         deviations: Covariance (6, 6) of the first wave.
     """
     low, high, first = q[:size].min(), q[:size].max(), others.variance.size
-    count = first + 6 * _WAVES
+    count = first + PATH_WAVES
     value = np.zeros((others.value.shape[0], count))
     direction, variance, along = np.empty(count, dtype=np.int64), np.empty(count), np.zeros(count)
     for c in range(first):

@@ -284,13 +284,16 @@ def _evidence_with(
     return evidence, covariance
 
 
+NO_GAIN = np.full((2, JOINTS), -np.inf)  # Of a wander that nobody has looked for.
+
+
 def type_evidence(
     m: Models,
     kf: Keyframes,
     priors: Priors,
     deviations: Array,
     wander: Wander = NONE,
-    gain: Array | None = None,
+    gain: Array = NO_GAIN,
     log_odds: float = 0.0,
 ) -> tuple[Array, Array]:
     """Log evidence (5,) of each type, and covariance (J, N, N) of each model's theta.
@@ -311,7 +314,7 @@ def type_evidence(
         errors = wander_waves(wander, kf)
         smooth, C = _with_deviations(m, kf, priors, deviations, errors)
         return _mixed(evidence, covariance, smooth + log_odds + wander.log_prior, C)
-    if wander != NONE and gain is not None:
+    if wander != NONE:
         # From a solution without these errors, one with them is too far to be linearised.
         before = np.minimum(
             np.logaddexp.reduce(evidence[:JOINTS]) + gain[0], evidence[:JOINTS] + gain[1]

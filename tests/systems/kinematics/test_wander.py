@@ -64,4 +64,4 @@ def test_a_tracker_that_reports_its_errors_has_no_others() -> None:
         for t, X in zip(stream.times[1:31], stream.X_PB_measured[1:31], strict=True):
             state = filters.update(state, X, covariance, float(t))
         assert state.keyframes.wander[0] == 0.0
-        assert state.wander_gain is None
+        assert not np.isfinite(state.wander_gain).any()

@@ -18,6 +18,7 @@ from crossmodal.systems.kinematics.evidence.type_evidence import smooth_evidence
 from crossmodal.systems.kinematics.evidence.wander import Wander, wander_waves
 from crossmodal.systems.kinematics.joint_filters import JointFilters, JointFiltersConfig
 from crossmodal.systems.kinematics.joint_filters_state import JointFiltersState
+from crossmodal.systems.kinematics.measurement_errors import MeasurementErrorsConfig
 from crossmodal.systems.kinematics.solver.joint_chain import new_chain, run_chain
 from crossmodal.systems.kinematics.solver.joint_geometry import (
     MOVING,
@@ -36,7 +37,9 @@ DEVIATIONS = np.diag(np.repeat([5e-3**2, 1.5e-3**2], 3))
 
 
 def _state(name: str, seconds: float, seed: int = 0) -> JointFiltersState:
-    case, filters = CASES[name], JointFilters(JointFiltersConfig(outliers=0.0))
+    """With deviations from the path alone; rotations do not err by themselves."""
+    errors = MeasurementErrorsConfig(wander=0.0)
+    case, filters = CASES[name], JointFilters(JointFiltersConfig(outliers=0.0, errors=errors))
     stream = simulate_case(case, seed)
     state = filters.start(stream.X_PB_measured[0], case.covariance, 0.0)
     for t, X in zip(stream.times[1:], stream.X_PB_measured[1:], strict=True):

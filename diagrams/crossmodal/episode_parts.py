@@ -29,6 +29,7 @@ from crossmodal.diagrams.stations.believed_robots import believed_robots
 from crossmodal.plants.robots.wam import WAM_WITH_SOFT_HAND
 from crossmodal.systems.kinematics.held_joint import HeldJoint, HeldJointConfig
 from crossmodal.systems.port_values import (
+    IN_PLACE,
     UNKNOWN_END_EFFECTOR,
     BodyMotions,
     JointBeliefs,
@@ -52,6 +53,8 @@ QUANTITIES = (
         model=PoseBelief(X=np.eye(4), covariance=np.eye(6)),
         estimators=FEELING,
     ),
+    Quantity(port="camera_displacement_latest", model=IN_PLACE, estimators=SEEING),
+    Quantity(port="camera_health_latest", model=StreamHealth(), estimators=SEEING),
     Quantity(port=f"{BODY_MOTIONS}_health_latest", model=StreamHealth()),
     *(
         Quantity(port=f"{stream}_health_latest", model=StreamHealth(), estimators=having)

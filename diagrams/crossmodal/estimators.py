@@ -45,6 +45,7 @@ from crossmodal.systems.proprioception.slip_detection import SlipDetection, Slip
 from crossmodal.systems.shared_settings import with_shared
 from crossmodal.systems.vision.bodies.rigid_body_motion import RigidBodyMotion
 from crossmodal.systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
+from crossmodal.systems.vision.camera.camera_motion import CameraMotion, CameraMotionConfig
 from crossmodal.systems.vision.features.feature_motion import FeatureMotion
 from crossmodal.systems.vision.features.feature_motion_config import FeatureMotionConfig
 
@@ -82,7 +83,7 @@ CROSSMODAL_CONNECTIONS = {
     "features_to_held_body": CrossModalConnection(
         carries="the features of the body in the hand, which correct its pose",
         connections=(
-            ("feature_motion", _FEATURES, "held_body_motion", _FEATURES),
+            ("camera_motion", _FEATURES, "held_body_motion", _FEATURES),
             ("rigid_body_motion", _BODIES, "held_body_motion", _BODIES),
         ),
     ),
@@ -168,6 +169,7 @@ class PerceptionConfig:
     grasp: GraspModelConfig = field(default_factory=GraspModelConfig)
     held_body: HeldBodyMotionConfig = field(default_factory=HeldBodyMotionConfig)
     features: FeatureMotionConfig = field(default_factory=FeatureMotionConfig)
+    camera: CameraMotionConfig = field(default_factory=CameraMotionConfig)
     bodies: RigidBodyMotionConfig = field(default_factory=RigidBodyMotionConfig)
     joints: KinematicModelConfig = field(default_factory=joints_of_furniture)
     visual_errors: MeasurementErrorsConfig = field(default_factory=errors_of_vision)
@@ -181,8 +183,8 @@ def make_network(
 
     Inputs are those of `VISION_INPUTS` and `PROPRIOCEPTION_INPUTS` that the modality uses; outputs
     are `joints_latest`, `body_motions_latest` with its health and, where they exist,
-    `features_latest`, `grasp_latest`, `hand_bending_latest`, `end_effector_latest` and
-    `joint_mechanics_latest`.
+    `features_latest`, `camera_displacement_latest` with its health, `grasp_latest`,
+    `hand_bending_latest`, `end_effector_latest` and `joint_mechanics_latest`.
 
     Args:
         modality: One of `MODALITIES`.
@@ -234,7 +236,7 @@ def _add_vision(
     calibration: Calibration,
     with_held_body: bool,
 ) -> System:
-    """Feature motion and, on top of it, rigid-body motion; returns the latter."""
+    """Features, the camera's own motion and that of rigid bodies; returns the last."""
     camera = calibration.camera
     intrinsics, X_WC = camera.intrinsics, camera.X_PC.GetAsMatrix4()
     features = builder.AddNamedSystem("feature_motion", FeatureMotion(config.features, intrinsics))
@@ -244,9 +246,17 @@ def _add_vision(
     )
     readers = {stream: [features] for stream in SEEN_STREAMS}
     add_image_monitor(builder, config.images, calibration, readers, masked=features)
-    connect_alike(builder, features, "features_estimated", bodies)
-    connect_alike(builder, bodies, "features_predicted", features)
+    place = builder.AddNamedSystem("camera_motion", CameraMotion(config.camera, X_WC))
+    connect_alike(builder, features, _FEATURES, place)
+    connect_alike(builder, place, _FEATURES, bodies)
+    for reader in (features, place):
+        connect_alike(builder, bodies, "features_predicted", reader)
+    for source, reader in (("latest", features), ("estimated", bodies)):
+        displacement = f"camera_displacement_{source}"
+        connect(builder, [(place, displacement, reader, "camera_displacement")])
     export_outputs(builder, features, "features_latest")
+    export_outputs(builder, place, "camera_displacement_latest")
+    builder.ExportOutput(place.GetOutputPort("health_latest"), "camera_health_latest")
     return bodies
 
 

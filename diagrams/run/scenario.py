@@ -12,7 +12,7 @@ from types import MappingProxyType
 from typing import Any, TypeVar
 
 import numpy as np
-from pydrake.math import RigidTransform
+from pydrake.math import RigidTransform, RotationMatrix
 
 from crossmodal.diagrams.run.calibration import CalibrationConfig, Camera
 from crossmodal.diagrams.run.yaml_input.loader import apply_override, merged, read_yaml
@@ -36,12 +36,38 @@ class Interval:
 
 
 @dataclass(kw_only=True)
+class CameraBump:
+    """Somebody knocks against a camera, which stands elsewhere from then on; nobody says so."""
+
+    start: float = number(0.0, at_least=0.0, at_most=86400.0, unit="s")  # When, at once.
+    camera: str = ""  # Which; empty: each.
+    # How it turns, a rotation vector in the camera's frame before.
+    rotation: np.ndarray = numbers(np.zeros(3), at_least=-180.0, at_most=180.0, unit="deg")
+    # How it shifts, in that frame.
+    translation: np.ndarray = numbers(np.zeros(3), at_least=-10.0, at_most=10.0, unit="m")
+
+    def displacement(self) -> RigidTransform:
+        """Pose of the camera after it in the camera before it."""
+        turn = se3.so3_exp(np.deg2rad(np.asarray(self.rotation, dtype=float)))
+        return RigidTransform(RotationMatrix(turn), self.translation)
+
+
+@dataclass(kw_only=True)
 class Disturbances:
     """What goes wrong, and when."""
 
     lights_off: list[Interval] = field(default_factory=list)
     camera_covered: list[Interval] = field(default_factory=list)
+    camera_bumps: list[CameraBump] = field(default_factory=list)
     faults: list[StreamFault] = field(default_factory=list)  # Of what the estimators read.
+
+    def camera_displacement(self, time: float, camera: str = "") -> RigidTransform:
+        """Pose of a camera, by default the only one, at a time [s], in that at the start."""
+        X = RigidTransform()
+        for bump in sorted(self.camera_bumps, key=lambda bump: bump.start):
+            if bump.start <= time and (not bump.camera or camera in ("", bump.camera)):
+                X = X @ bump.displacement()
+        return X
 
     def dark(self) -> list[tuple[str, Interval]]:
         """Why the cameras see nothing, in words, and when."""
@@ -56,7 +82,11 @@ class Disturbances:
             (f"{fault.stream} {fault.kind}", Interval(start=fault.start, end=fault.end))
             for fault in self.faults
         ]
-        return [*self.dark(), *faults]
+        bumps = [
+            (f"{bump.camera or 'camera'} bumped", Interval(start=bump.start))
+            for bump in self.camera_bumps
+        ]
+        return [*self.dark(), *faults, *bumps]
 
 
 @dataclass(kw_only=True)
@@ -196,9 +226,15 @@ def check_scenario(scenario: Scenario, source: str) -> None:
         raise ScenarioError(str(error)) from None
     for name, camera in scenario.cameras.items():
         _check_camera(f"cameras.{name}", camera, source)
+    for index, bump in enumerate(scenario.disturbances.camera_bumps):
+        if bump.camera and bump.camera not in scenario.cameras:
+            raise ScenarioError(
+                f"{source}: disturbances.camera_bumps.{index}.camera = '{bump.camera}':"
+                f" {suggestion(bump.camera, scenario.cameras)}"
+            )
     for key, spans in vars(scenario.disturbances).items():
         for index, span in enumerate(spans):
-            if not span.start < span.end:
+            if not span.start < getattr(span, "end", np.inf):
                 raise ScenarioError(
                     f"{source}: disturbances.{key}.{index} = {span.start:g} to {span.end:g} s, but"
                     " it must be start < end"

@@ -18,15 +18,17 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import GetScopedFrameByName
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.systems.framework import DiagramBuilder, OutputPort
+from pydrake.systems.framework import DiagramBuilder, OutputPort, System
 from pydrake.systems.sensors import RgbdSensor
 
 from crossmodal.diagrams.run.calibration import CameraCalibration, draw_camera
+from crossmodal.diagrams.run.scenario import CameraBump
 from crossmodal.diagrams.stations.naming import own_seed, owner_among, prefixed
 from crossmodal.diagrams.stations.occurrence import Occurrence
 from crossmodal.diagrams.stations.wiring import StationWiring
 from crossmodal.plants.camera_view import renderer_intrinsics
 from crossmodal.systems.arm_pose import ArmPose
+from crossmodal.systems.sensors.bumped_camera import IMAGES, BumpedCamera
 from crossmodal.systems.sensors.image_delay import ImageDelay
 from crossmodal.systems.sensors.image_stamps import ImageStamps, Mounting
 from crossmodal.systems.sensors.rgbd_camera import CameraNoise, CameraNoiseConfig
@@ -183,14 +185,33 @@ def _add_camera(
         )
     )
 
-    def add_sensor(name: str, depth_core: RenderCameraCore) -> RgbdSensor:
-        depth_camera = DepthRenderCamera(depth_core, DepthRange(0.1, 8.0))
-        sensor = builder.AddNamedSystem(
-            prefixed(owner, name),
-            RgbdSensor(parent, X_BC, ColorRenderCamera(colour), depth_camera),
+    bumps = sorted(
+        (bump for bump in disturbances.camera_bumps if bump.camera in ("", name)),
+        key=lambda bump: bump.start,
+    )
+
+    def add_sensor(name: str, depth_core: RenderCameraCore) -> System:
+        """A camera; after each bump another one, which stands where that has put it."""
+        depth_camera, X = DepthRenderCamera(depth_core, DepthRange(0.1, 8.0)), X_BC
+        sensors = []
+        for index, bump in enumerate([CameraBump(), *bumps]):
+            X = X @ bump.displacement()
+            sensor = builder.AddNamedSystem(
+                prefixed(owner, f"{name}_after_bump_{index}" if index else name),
+                RgbdSensor(parent, X, ColorRenderCamera(colour), depth_camera),
+            )
+            builder.Connect(scene_graph.get_query_output_port(), sensor.query_object_input_port())
+            sensors.append(sensor)
+        if not bumps:
+            return sensors[0]
+        switch = builder.AddNamedSystem(
+            prefixed(owner, f"{name}_in_place"), BumpedCamera([bump.start for bump in bumps])
         )
-        builder.Connect(scene_graph.get_query_output_port(), sensor.query_object_input_port())
-        return sensor
+        for index, sensor in enumerate(sensors):
+            for port in IMAGES:
+                source, target = sensor.GetOutputPort(port), f"{port}_{index}"
+                builder.Connect(source, switch.GetInputPort(target))
+        return switch
 
     sensor = add_sensor("rgbd_sensor", depth)
     noise = builder.AddNamedSystem(
@@ -205,11 +226,13 @@ def _add_camera(
             is_metered=colour_is_read,
         ),
     )
-    builder.Connect(sensor.color_image_output_port(), noise.GetInputPort("color_image"))
-    builder.Connect(sensor.depth_image_32F_output_port(), noise.GetInputPort("depth_image"))
+    builder.Connect(sensor.GetOutputPort("color_image"), noise.GetInputPort("color_image"))
+    builder.Connect(sensor.GetOutputPort("depth_image_32f"), noise.GetInputPort("depth_image"))
     if _has_transparent_visuals(scene_graph):
         surfaces = add_sensor("transparent_surfaces", surface)
-        builder.Connect(surfaces.depth_image_32F_output_port(), noise.GetInputPort("surface_image"))
+        builder.Connect(
+            surfaces.GetOutputPort("depth_image_32f"), noise.GetInputPort("surface_image")
+        )
     for port, occurrence in (
         ("illumination", Occurrence(disturbances.lights_off, during=0.0)),
         ("cover", Occurrence(disturbances.camera_covered)),

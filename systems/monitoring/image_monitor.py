@@ -15,6 +15,7 @@ from crossmodal.maths.validation import check, number
 from crossmodal.systems.monitoring.background import Background
 from crossmodal.systems.monitoring.black_level import BlackLevelConfig, watch_grey
 from crossmodal.systems.monitoring.depth_background import DepthBackgroundConfig, watch_depth
+from crossmodal.systems.monitoring.view import View, is_another, view_of
 from crossmodal.systems.monitoring.window_monitor import (
     Monitored,
     WindowMonitorConfig,
@@ -44,12 +45,16 @@ class ImageMonitorConfig(Ticked):
 
 @dataclass(frozen=True, kw_only=True)
 class Watched(Immutable):
-    """What is remembered of the images, and the depth and the grey of what stands still."""
+    """What is remembered of the images, and the depth and the grey of what stands still.
+
+    The view is that with which depth and grey began.
+    """
 
     color: Monitored = field(default_factory=Monitored)
     depth: Monitored = field(default_factory=Monitored)
     background: Background | None = None
     grey: Background | None = None
+    view: View | None = None
 
 
 def fingerprint(image: Any, stamp: float) -> float:
@@ -115,9 +120,10 @@ class ImageMonitor(RecursiveFilter):
 
     Nothing is seen then. Faults of an image are those that a `WindowMonitor` reports of a sample.
     Depth is kept back, too, while that of what stands still is not what it was
-    (`depth_background`). An offset of the grey values of what stands still (`black_level`) is
-    reported, and the image is passed on: what is seen in it stays where it is. For a camera that
-    does not move.
+    (`depth_background`) though it is seen where it was; if the view itself is another one (`view`),
+    what stands still is learnt anew. An offset of the grey values of what stands still
+    (`black_level`) is reported, and the image is passed on: what is seen in it stays where it is.
+    For a camera that does not move, unless somebody knocks against it.
 
     Input ports:
     - `color_measured`: `StampedImage` of an `ImageRgba8U`; may stay unconnected where nobody sees
@@ -189,7 +195,8 @@ class ImageMonitor(RecursiveFilter):
         robot = None if mask is None else mask.data
         if "color" in images:
             watched = self._watch_color(watched, images["color"].image.data, robot)
-        return self._watch_depth(watched, before, images["depth"].image.data, robot, now)
+        color = images["color"].image.data if "color" in images else None
+        return self._watch_depth(watched, before, images["depth"].image.data, color, robot, now)
 
     def _watch_color(self, watched: Watched, image: Any, robot: Any) -> Watched:
         if not is_new(watched.color):
@@ -201,13 +208,20 @@ class ImageMonitor(RecursiveFilter):
         return replace(watched, color=replace(watched.color, health=health), grey=grey)
 
     def _watch_depth(
-        self, watched: Watched, before: Watched, image: Any, robot: Any, now: float
+        self, watched: Watched, before: Watched, image: Any, color: Any, robot: Any, now: float
     ) -> Watched:
         if not is_new(watched.depth):
             return watched
         background, has_changed = watch_depth(
             self._config.background, watched.background, image, robot
         )
+        if color is None or not is_new(watched.color):
+            pass
+        elif watched.view is None:
+            watched = replace(watched, view=view_of(color, robot))
+        elif has_changed and is_another(watched.view, color):
+            background, has_changed = watch_depth(self._config.background, None, image, robot)
+            watched = replace(watched, grey=None, view=view_of(color, robot))
         if has_changed:
             depth = kept_back(watched.depth, before.depth, now, CHANGED)
             return replace(watched, depth=depth)

@@ -18,8 +18,10 @@ from crossmodal.systems.port_values.bodies import (
     BodyMotions,
     BodyPrediction,
     BodyPredictions,
+    ExpectedFeatures,
     FeatureBelief,
     HeldBody,
+    no_expectations,
     no_features,
 )
 from crossmodal.systems.port_values.declutter import (
@@ -78,8 +80,10 @@ from crossmodal.systems.port_values.joints import (
     LimitBelief,
 )
 from crossmodal.systems.port_values.motions import (
+    IN_PLACE,
     NO_POSE,
     UNKNOWN_END_EFFECTOR,
+    CameraDisplacement,
     EndEffectorBelief,
     MotionBelief,
     PoseBelief,

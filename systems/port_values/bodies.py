@@ -4,7 +4,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from crossmodal.maths.arrays import Array, Ids
+from crossmodal.maths.arrays import Array, Ids, Mask
 from crossmodal.systems.port_values.motions import MotionBelief, PoseBelief
 
 
@@ -35,6 +35,27 @@ def no_features() -> FeatureBelief:
         p_WF=np.zeros((0, 3)),
         covariance=np.zeros((0, 3, 3)),
         age=np.zeros(0, np.int64),
+    )
+
+
+@dataclass(kw_only=True)
+class ExpectedFeatures(FeatureBelief):
+    """Where features are expected, and what they are taken to be a part of.
+
+    Attributes:
+        body: Number of the body that each belongs to (N,); `STATIC_BODY` while it rests or
+            belongs to none.
+        resting: Which (N,) are known to have stood still until now.
+    """
+
+    body: Ids
+    resting: Mask
+
+
+def no_expectations() -> ExpectedFeatures:
+    """The belief that nothing is expected."""
+    return ExpectedFeatures(
+        **vars(no_features()), body=np.zeros(0, np.int64), resting=np.zeros(0, bool)
     )
 
 

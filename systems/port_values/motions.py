@@ -59,3 +59,23 @@ UNKNOWN_END_EFFECTOR = EndEffectorBelief(
 
 # What stands for a pose that does not exist.
 NO_POSE = PoseBelief(X=np.full((4, 4), np.nan), covariance=np.full((6, 6), np.nan))
+
+
+@dataclass(kw_only=True)
+class CameraDisplacement(PoseBelief):
+    """Where a camera C is in the place S at which it is calibrated to be: X_SC.
+
+    Attributes:
+        jumps: How many times it has been knocked out of its place.
+        jump_covariance: Of xi in X_SC exp(xi) (6, 6), of that part of its error that is new since
+            the last time, as it was known at once.
+    """
+
+    jumps: int
+    jump_covariance: Array
+
+
+# A camera that is where it is said to be.
+IN_PLACE = CameraDisplacement(
+    X=np.eye(4), covariance=np.zeros((6, 6)), jumps=0, jump_covariance=np.zeros((6, 6))
+)

@@ -7,6 +7,7 @@ A plane's inverse depth w = 1/z is an affine function of the pixel, so that a le
 w = w0 + wu (u - u0) + wv (v - v0) over a window describes a planar surface exactly.
 """
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -171,3 +172,28 @@ def incidence_cosines(p_CF: Array, tangents: Array) -> Array:
     along = np.abs(np.sum(normals * p_CF, axis=1))
     lengths = np.linalg.norm(normals, axis=1) * np.linalg.norm(p_CF, axis=1)
     return np.asarray(along / np.maximum(lengths, 1e-300))
+
+
+def displaced(
+    mask: npt.NDArray[np.uint8], depth: npt.NDArray[np.float32], X_SC: Array, intrinsics: Array
+) -> npt.NDArray[np.uint8]:
+    """A mask (H, W) in the image of a camera S, moved to where the camera C next to it sees it.
+
+    Exact for a turn; a shift counts as it does at the median depth of what is masked.
+
+    Args:
+        mask: Nonzero on something.
+        depth: (H, W) of C, [m]; 0, NaN or inf is no return.
+        X_SC: Pose of C in S (4, 4).
+        intrinsics: (fx, fy, cx, cy) of both, [px].
+    """
+    masked = depth[(mask > 0) & np.isfinite(depth) & (depth > 0.0)]
+    if np.array_equal(X_SC, np.eye(4)) or len(masked) == 0:
+        return mask
+    fx, fy, cx, cy = intrinsics
+    K = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+    X_CS = np.linalg.inv(X_SC)
+    plane = np.outer(X_CS[:3, 3], [0.0, 0.0, 1.0 / float(np.median(masked))])
+    H = K @ (X_CS[:3, :3] + plane) @ np.linalg.inv(K)
+    moved = cv2.warpPerspective(mask, H, mask.shape[::-1], flags=cv2.INTER_NEAREST)
+    return np.asarray(moved, dtype=np.uint8)

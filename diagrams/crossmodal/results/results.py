@@ -20,6 +20,9 @@ from crossmodal.diagrams.joints.joint_record import joint_rows, summarise_joint
 from crossmodal.diagrams.joints.mechanics_record import mechanics_rows, summarise_mechanics
 from crossmodal.diagrams.run.application import Results
 from crossmodal.diagrams.run.record import EpisodeRecord, Tick
+from crossmodal.diagrams.run.scenario import Disturbances
+from crossmodal.maths import se3
+from crossmodal.systems.port_values import PoseBelief
 
 
 def evaluate(record: EpisodeRecord) -> Results:
@@ -89,12 +92,30 @@ def rows_of(episode: JointEpisode, name: str, k: int) -> list[Row]:
 
     Quantities: those of `joint_rows` and `mechanics_rows`; `grasp_probability` (one component per
     grasp type) and `feature_count`; `end_effector_position` (x, y, z), [m], and `hand_bending`, the
-    bent hand's position (x, y, z) in the end-effector's frame, [m]; those of `health_rows`.
+    bent hand's position (x, y, z) in the end-effector's frame, [m]; `camera_turn`, [rad], and
+    `camera_shift`, [m], (x, y, z) since the camera was calibrated, in its frame; those of
+    `health_rows`.
     """
     tick = episode.record.estimators[name].ticks[k]
     series, truth = episode.series[name], episode.truth
     joints = joint_rows(tick, series, k, truth) + mechanics_rows(tick, series, k, truth)
-    return joints + _other_rows(tick) + health_rows(tick)
+    camera = camera_rows(tick, episode.record.scenario.disturbances)
+    return joints + _other_rows(tick) + camera + health_rows(tick)
+
+
+def camera_rows(tick: Tick, disturbances: Disturbances) -> list[Row]:
+    """Where the camera is, in the place that its calibration says, and where bumps have put it."""
+    belief: PoseBelief | None = tick.values.get("camera_displacement_latest")
+    if belief is None:
+        return []
+    turn, shift = se3.so3_log(belief.X[:3, :3].copy()), belief.X[:3, 3]
+    true = disturbances.camera_displacement(tick.time)
+    true_turn = se3.so3_log(true.rotation().matrix().copy())
+    P = belief.covariance
+    return [
+        *vector("camera_turn", turn, P[:3, :3], true_turn),
+        *vector("camera_shift", shift, P[3:, 3:], true.translation()),
+    ]
 
 
 def _other_rows(tick: Tick) -> list[Row]:

@@ -65,6 +65,7 @@ class BodyTrackerState(Immutable):
     next_id: int
     history: FeatureHistory
     bodies: list[TrackedBody] = field(default_factory=list)
+    camera_jumps: int = 0
 
 
 def no_bodies(config: RigidBodyMotionConfig) -> BodyTrackerState:

@@ -9,11 +9,14 @@ from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.pinhole import Intrinsics, project
 from crossmodal.systems.port_values import (
+    IN_PLACE,
     NO_POSE,
     STATIC_BODY,
     BodyMotion,
     BodyMotions,
     BodyPredictions,
+    CameraDisplacement,
+    ExpectedFeatures,
     FeatureBelief,
     MotionBelief,
     PoseBelief,
@@ -78,9 +81,23 @@ def step(
     features: FeatureBelief,
     joints: BodyPredictions,
     prior: PoseBelief | None,
+    camera: CameraDisplacement,
+    X_WS: Array,
 ) -> BodyTrackerState:
-    """One tick of all bodies."""
+    """One tick of all bodies.
+
+    Args:
+        config: Their parameters.
+        state: At the last tick.
+        features: Seen at this tick.
+        joints: Where joints expect the bodies.
+        prior: Where the hand takes the held body.
+        camera: Where it is in S.
+        X_WS: (4, 4).
+    """
     tick = state.tick + 1
+    if camera.jumps > state.camera_jumps:
+        state = seen_from_elsewhere(state, camera, X_WS)
     history = body_tracking.remember_features(config, state, features)
     bodies, history = advance_all(config, state, history, joints, prior)
     bodies, history = identify_held_body(config, bodies, history, prior, tick)
@@ -93,12 +110,30 @@ def step(
     living = feature_association.without_outliers(config, living, history)
     living, history = body_tracking.place_landmarks(config, living, history)
     living, history = held_body.without_features_of_others(config, living, history, prior)
-    return BodyTrackerState(tick=tick, next_id=next_id, history=history, bodies=living)
+    return replace(state, tick=tick, next_id=next_id, history=history, bodies=living)
+
+
+def seen_from_elsewhere(
+    state: BodyTrackerState, camera: CameraDisplacement, X_WS: Array
+) -> BodyTrackerState:
+    """The bodies that a camera goes on seeing which has been knocked out of its place.
+
+    What is not known of where it is now is a constant error of their poses from now on.
+    """
+    X_CW = se3.inverse(X_WS @ camera.X)
+
+    def moved(body: TrackedBody) -> TrackedBody:
+        Ad = se3.adjoint(se3.inverse(X_CW @ body.filter.X))
+        offset = body.offset + Ad @ camera.jump_covariance @ Ad.T
+        return replace(body, reset_count=body.reset_count + 1, offset=offset)
+
+    bodies = [moved(body) for body in state.bodies]
+    return replace(state, bodies=bodies, camera_jumps=camera.jumps)
 
 
 def predicted_features(
     config: RigidBodyMotionConfig, state: BodyTrackerState, intrinsics: Array, X_CW: Array
-) -> FeatureBelief:
+) -> ExpectedFeatures:
     """Where the remembered features are expected at the next tick.
 
     Free ones where they were on average; assigned ones where their body's velocity takes them.
@@ -119,12 +154,14 @@ def predicted_features(
         p_WF[mine] = camera_geometry.transform(X_WB_next, p_BF)
         _, landmarks, rows = np.intersect1d(body.filter.ids, history.ids, return_indices=True)
         p_WF[rows] = camera_geometry.transform(X_WB_next, body.filter.p_BF[landmarks])
-    return FeatureBelief(
+    return ExpectedFeatures(
         ids=history.ids,
         uv=project(camera_geometry.transform(X_CW, p_WF), intrinsics),
         p_WF=p_WF,
         covariance=covariance,
         age=np.zeros(len(history.ids), np.int64),
+        body=history.body,
+        resting=resting,
     )
 
 
@@ -174,6 +211,8 @@ class RigidBodyMotion(RecursiveFilter):
     Input ports:
     - `features_estimated`: `FeatureBelief`, the features seen at this tick, positions in W.
     - `joint_predictions`: `BodyPredictions` of X_WB at this tick; none if not connected.
+    - `camera_displacement`: `CameraDisplacement` X_SC; the camera has stayed where it was if not
+      connected.
     - `held_body_prior`: `PoseBelief` X_WB of `HELD_BODY`, not finite while there is
       none; only declared with `with_held_body`.
 
@@ -182,7 +221,7 @@ class RigidBodyMotion(RecursiveFilter):
       numbered from 2; B has W's axes at the features' centroid at the reference. The covariance is
       that of the displacement since then, the errors of p_BF included.
     - `body_motions_latest`: the same of the last tick, from the state.
-    - `features_predicted`: `FeatureBelief` at the next tick, from the state: every remembered
+    - `features_predicted`: `ExpectedFeatures` at the next tick, from the state: every remembered
       feature, by id; `uv` projected into a camera that is assumed to stand still, `age` zero.
 
     Source: the role is that of Martín-Martín and Brock, IROS 2017, sections III and V;
@@ -193,17 +232,18 @@ class RigidBodyMotion(RecursiveFilter):
         self,
         config: RigidBodyMotionConfig,
         camera: Intrinsics,
-        X_WC: Array,
+        X_WS: Array,
         with_held_body: bool = False,
     ) -> None:
         super().__init__()
         check_rigid_body_motion(config)
         self._config = config
         self._intrinsics = camera.vector()
-        self._X_CW = se3.inverse(np.array(X_WC, dtype=float))
+        self._X_WS = np.array(X_WS, dtype=float)
 
         self._features = self._declare_value_input("features_estimated", no_features())
         self._joints = self._declare_value_input("joint_predictions", BodyPredictions())
+        self._camera = self._declare_value_input("camera_displacement", IN_PLACE)
         self._prior: InputPort | None = None
         if with_held_body:
             self._prior = self._declare_value_input("held_body_prior", NO_POSE)
@@ -216,10 +256,11 @@ class RigidBodyMotion(RecursiveFilter):
         features = self._read(self._features, context)
         joints = self._read_optional(self._joints, context) or BodyPredictions()
         prior = self._read_optional(self._prior, context)
-        return step(self._config, state, features, joints, prior)
+        camera = self._read_optional(self._camera, context) or IN_PLACE
+        return step(self._config, state, features, joints, prior, camera, self._X_WS)
 
     def _motions(self, state: BodyTrackerState) -> BodyMotions:
         return body_motions(state, self._config.period)
 
-    def _predicted(self, state: BodyTrackerState) -> FeatureBelief:
-        return predicted_features(self._config, state, self._intrinsics, self._X_CW)
+    def _predicted(self, state: BodyTrackerState) -> ExpectedFeatures:
+        return predicted_features(self._config, state, self._intrinsics, se3.inverse(self._X_WS))

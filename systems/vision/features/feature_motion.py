@@ -6,8 +6,9 @@ from pydrake.systems.framework import Context
 from pydrake.systems.sensors import ImageDepth32F, ImageGrey8U, ImageRgba8U
 
 from crossmodal.maths.pinhole import Intrinsics
-from crossmodal.systems.port_values import StampedImage, no_features
+from crossmodal.systems.port_values import IN_PLACE, StampedImage, no_features
 from crossmodal.systems.recursive_filter import RecursiveFilter
+from crossmodal.systems.vision import camera_geometry
 from crossmodal.systems.vision.features import feature_detection
 from crossmodal.systems.vision.features.feature_motion_config import (
     FeatureMotionConfig,
@@ -50,12 +51,15 @@ class FeatureMotion(RecursiveFilter):
     - `robot_mask`: `ImageGrey8U`, nonzero on the robot; none if not connected.
     - `features_predicted`: `FeatureBelief`, where the body tracker expects features, by id; may be
       empty; none if not connected.
+    - `camera_displacement`: `PoseBelief` X_SC of the camera in the place S that the depth image
+      names; it stands there if not connected. The robot's mask is moved with it.
 
     Output ports:
     - `features_estimated`: `FeatureBelief` of the features seen at this tick.
     - `features_latest`: the one of the last tick, from the state.
 
-    Frames: W world, C camera (x right, y down, z forward), F a feature.
+    Frames: W world, C camera (x right, y down, z forward), S the camera as its images say, F a
+    feature.
 
     Source: the role is that of Martín-Martín and Brock, IROS 2017, section III; the registration's
     source is in `patch_registration`.
@@ -76,6 +80,7 @@ class FeatureMotion(RecursiveFilter):
         )
         self._mask = self._declare_value_input("robot_mask", ImageGrey8U(*size))
         self._predicted = self._declare_value_input("features_predicted", no_features())
+        self._displacement = self._declare_value_input("camera_displacement", IN_PLACE)
         self._declare_recursion(no_tracks(config), self._calc_tracks, config.period)
         self._declare_estimated("features_estimated", belief)
         self._declare_latest("features_latest", belief)
@@ -91,15 +96,19 @@ class FeatureMotion(RecursiveFilter):
             raise ValueError("FeatureMotion: the depth image does not say where its camera is")
         image, noise = feature_detection.smooth_grey(color.image.data)
         depth = measured.image.data[:, :, 0]
+        displacement = self._read_optional(self._displacement, context) or IN_PLACE
         mask = self._read_optional(self._mask, context)
         robot = np.zeros(image.shape, np.uint8)
         if mask is not None:
-            robot = cv2.dilate(mask.data[:, :, 0], self._border)
+            seen = camera_geometry.displaced(
+                mask.data[:, :, 0], depth, displacement.X, self._intrinsics
+            )
+            robot = cv2.dilate(seen, self._border)
         return Frame(
             image=image,
             noise=noise,
             depth=depth,
             robot=robot,
             intrinsics=self._intrinsics,
-            X_WC=measured.X_WC,
+            X_WC=measured.X_WC @ displacement.X,
         )

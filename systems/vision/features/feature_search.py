@@ -1,28 +1,19 @@
 """Where tracked features are in a new image: registration from several starts."""
 
 from dataclasses import dataclass
-from typing import Any
 
-import cv2
 import numpy as np
 
 from crossmodal.maths import se3
-from crossmodal.maths.arrays import Array, Ids, Mask
+from crossmodal.maths.arrays import Array, Ids
+from crossmodal.maths.optical_flow import flow
 from crossmodal.maths.pinhole import project
 from crossmodal.systems.port_values import FeatureBelief
 from crossmodal.systems.ticks import whole_ticks
 from crossmodal.systems.vision import camera_geometry
 from crossmodal.systems.vision.features import patch_registration, patch_templates
 from crossmodal.systems.vision.features.feature_motion_config import FeatureMotionConfig
-from crossmodal.systems.vision.features.feature_tracks import Byte, FeatureTracks, Frame
-from crossmodal.systems.vision.features.patch_templates import Image
-
-# Width of the window, [px], number of pyramid levels above the image, and when to stop.
-_LUCAS_KANADE: dict[str, Any] = {
-    "winSize": (21, 21),
-    "maxLevel": 3,
-    "criteria": (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 20, 0.03),
-}
+from crossmodal.systems.vision.features.feature_tracks import FeatureTracks, Frame
 
 
 def _starts(tracks: FeatureTracks, frame: Frame, predicted: FeatureBelief) -> tuple[Array, Array]:
@@ -54,27 +45,6 @@ def _starts(tracks: FeatureTracks, frame: Frame, predicted: FeatureBelief) -> tu
     uv[mine[better]] = uv_predicted[better]
     warps[mine[better]] = warps_predicted[better]
     return uv, warps
-
-
-def locally_normalised(image: Image, width: int = 31) -> Byte:
-    """The image with its local mean and standard deviation removed, for changes of exposure."""
-    mean = cv2.blur(image, (width, width))
-    variance = cv2.blur(image * image, (width, width)) - mean * mean
-    scaled = (image - mean) * (40.0 / np.sqrt(np.maximum(variance, 0.0) + 4.0)) + 128.0
-    return np.asarray(np.clip(scaled, 0.0, 255.0).astype(np.uint8))
-
-
-def flow(config: FeatureMotionConfig, before: Image, after: Image, uv: Array) -> tuple[Array, Mask]:
-    """Pyramidal Lucas-Kanade from `before` to `after` and back; pixels (N, 2), success (N,)."""
-    if len(uv) == 0:
-        return uv, np.zeros(0, bool)
-    images = locally_normalised(before), locally_normalised(after)
-    start = uv.astype(np.float32).reshape(-1, 1, 2)
-    forward, found, _ = cv2.calcOpticalFlowPyrLK(*images, start, None, **_LUCAS_KANADE)
-    back, returned, _ = cv2.calcOpticalFlowPyrLK(*images[::-1], forward, None, **_LUCAS_KANADE)
-    error = np.linalg.norm((back - start).reshape(-1, 2), axis=1)
-    success = (found.ravel() > 0) & (returned.ravel() > 0) & (error < config.flow.max_error)
-    return forward.reshape(-1, 2).astype(float), success
 
 
 @dataclass(kw_only=True)
@@ -114,7 +84,9 @@ def search(
         order = np.argsort(tracks.missed[failed], kind="stable")
         most = config.flow.max_blackout_features if tracks.blackout else config.flow.max_features
         failed = failed[order][:most]
-        moved, success = flow(config, tracks.image, frame.image, tracks.uv_image[failed])
+        moved, success = flow(
+            tracks.image, frame.image, tracks.uv_image[failed], config.flow.max_error
+        )
         again = failed[success]
         found = register(again, moved[success])
         better = found[1] > scores[again]

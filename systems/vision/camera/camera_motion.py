@@ -33,6 +33,7 @@ from crossmodal.systems.vision.camera.camera_jump import (
 from crossmodal.systems.vision.camera_geometry import transform
 
 _GATE = outlier_gate(3)
+_USUAL = 3.0  # Median squared distance, 2.4 of noise alone, up to which nothing has moved.
 _GROUP = 3  # Features of a body that have to follow a motion.
 
 
@@ -168,10 +169,13 @@ def _after_jump(
     C = features.covariance[mine] + expected.covariance[theirs] + config.floor**2 * np.eye(3)
     if len(mine) < config.jump.least_features:
         return replace(state, motions=_still())
-    found, displaced = fit_displacement(p, q, C), distances(p - q, C) > _GATE
+    before, last = state.motions
+    apart = distances(p - q, C)
+    if float(np.median(apart)) < _USUAL:
+        return replace(state, motions=np.stack([last, np.eye(4)]))
+    found, displaced = fit_displacement(p, q, C), apart > _GATE
     jumped = displaced & found.follows
     count = np.unique(expected.body[theirs][jumped], return_counts=True)[1]
-    before, last = state.motions
     odds = jump_odds(
         config.jump,
         found,

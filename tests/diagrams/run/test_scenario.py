@@ -8,6 +8,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from crossmodal.diagrams.run.episode import building
 from crossmodal.diagrams.run.scenario import (
+    CameraBump,
     CameraConfig,
     Disturbances,
     Interval,
@@ -103,6 +104,7 @@ def test_a_base_that_cannot_be_had_is_refused(base: str, expected: str, tmp_path
         ({"disturbances": {"lights_off": [{"start": 3, "end": 2}]}}, "it must be start < end"),
         ({"disturbances": {"lights_off": [{"start": -1}]}}, "lights_off.0.start = -1.0 s, need"),
         ({"disturbances": {"camera_covered": [{"begin": 3}]}}, "camera_covered.0.begin"),
+        ({"disturbances": {"camera_bumps": [{"camera": "hed"}]}}, "camera_bumps.0.camera = 'hed'"),
         ({"disturbances": "dark"}, "disturbances = 'dark', but it must be a mapping"),
     ],
 )
@@ -157,3 +159,14 @@ def test_what_building_refuses_becomes_a_scenario_error() -> None:
     with pytest.raises(ScenarioError, match="drawer: Encoders: noise = -1 rad, need >= 0"):  # noqa: SIM117
         with building("drawer"):
             raise ValueError("Encoders: noise = -1\n rad, need >= 0")
+
+
+def test_a_second_bump_turns_the_camera_from_where_the_first_has_put_it() -> None:
+    turn = CameraBump(start=1.0, rotation=np.array([0.0, 90.0, 0.0]))
+    shift = CameraBump(start=2.0, translation=np.array([0.0, 0.0, 0.1]))
+    other = CameraBump(start=0.5, camera="other", translation=np.array([9.0, 0.0, 0.0]))
+    disturbances = Disturbances(camera_bumps=[shift, other, turn])
+    X = disturbances.camera_displacement(3.0, "own")
+    np.testing.assert_allclose(X.translation(), [0.1, 0.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(X.rotation().matrix()[:, 2], [1.0, 0.0, 0.0], atol=1e-12)
+    assert disturbances.camera_displacement(0.9, "own").IsExactlyIdentity()

@@ -101,8 +101,10 @@ def _fit_rows(joint: JointBelief) -> list[Row]:
 def _body_rows(body: BodyMotion, time: float, truth: Truth) -> list[Row]:
     X_WB, X_WB_0 = body.motion.X, body.X_WB_reference
     now = min(int(np.searchsorted(truth.times, time - 1e-9)), len(truth.times) - 1)
-    grasp = min(int(np.searchsorted(truth.times, truth.last_grasp(time))), len(truth.times) - 1)
-    moved = truth.X_WB[now] @ se3.inverse(truth.X_WB[grasp])
+    # What the hand takes counts from the grasp, what only the eye follows from when it last rested.
+    stood = truth.last_grasp(time) if math.isnan(body.reference_age) else time - body.reference_age
+    start = min(int(np.searchsorted(truth.times, stood - 1e-9)), len(truth.times) - 1)
+    moved = truth.X_WB[now] @ se3.inverse(truth.X_WB[start])
     X_WB_true = moved @ X_WB_0
     R = X_WB[:3, :3]
     P = body.motion.covariance

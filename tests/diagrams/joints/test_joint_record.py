@@ -1,14 +1,16 @@
 """A joint's belief as rows of the table and as a part of the summary."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.testing import assert_allclose
 from synthetic_episode import LIGHTS_OFF, empty_episode, synthetic_episode, without_truth
 
-from crossmodal.diagrams.joints.joint_metrics import joint_episode
+from crossmodal.diagrams.joints.joint_metrics import bodies_of, joint_episode
 from crossmodal.diagrams.joints.joint_record import joint_rows, summarise_joint
 from crossmodal.diagrams.run.record import EpisodeRecord
+from crossmodal.systems.port_values import BodyMotions
 
 JOINT_KEYS = {"name", "type_true", "type_estimated", "probability", "configuration_true",
               "configuration_estimated", "configuration_error", "axis_angle_error",
@@ -63,3 +65,26 @@ def test_without_the_truth_rows_hold_the_estimates_alone() -> None:
     rows = joint_rows(ticks[-1], episode.series["crossmodal"], len(ticks) - 1, episode.truth)
     assert {row[0] for row in rows} >= {"type_probability", "configuration", "axis"}
     assert np.all(np.isnan([row[-1] for row in rows]))
+
+
+def test_a_body_counts_from_when_it_stood_at_its_own_reference() -> None:
+    """What only the eye follows was seen to rest before the hand closed, or after."""
+    episode = joint_episode(synthetic_episode())
+    ticks, truth = episode.record.estimators["crossmodal"].ticks, episode.truth
+    k = len(ticks) - 1
+    bodies = bodies_of(ticks[k]).bodies
+    for age in (1.0, 5.0):
+        stood = int(np.searchsorted(truth.times, ticks[k].time - age - 1e-9))
+        X_WB_0 = np.eye(4)
+        X = truth.X_WB[k] @ np.linalg.inv(truth.X_WB[stood]) @ X_WB_0
+        seen = [
+            replace(
+                body, motion=replace(body.motion, X=X), X_WB_reference=X_WB_0, reference_age=age
+            )
+            for body in bodies
+        ]
+        values = {**ticks[k].values, "body_motions_latest": BodyMotions(bodies=seen)}
+        rows = joint_rows(replace(ticks[k], values=values), episode.series["crossmodal"], k, truth)
+        position = [row for row in rows if row[0] == "body_position"]
+        assert len(position) == 3
+        assert_allclose([row[2] for row in position], [row[-1] for row in position], atol=1e-9)

@@ -82,6 +82,7 @@ class CameraState(Immutable):
         displacement: X_SC of the camera, S where its images say that it is.
         health: Of the camera's place.
         before: X_SC (4, 4) before the last jump.
+        before: Covariance (6, 6) of X_SC before the last jump, which stays, in C.
         landmarks: With which the last jump is measured.
         since_jump: Ticks.
         motions: By what features were displaced at the last two ticks (2, 4, 4).
@@ -90,6 +91,7 @@ class CameraState(Immutable):
 
     displacement: CameraDisplacement = field(default_factory=lambda: IN_PLACE)
     health: StreamHealth = HEALTHY
+    before: Array = field(default_factory=lambda: np.zeros((6, 6)))
     landmarks: Landmarks = field(default_factory=Landmarks)
     since_jump: int = 0
     motions: Array = field(default_factory=_still)
@@ -188,9 +190,16 @@ def _after_jump(
     if np.sum(jumped) < config.jump.least_features or odds < np.log(config.jump.odds):
         return replace(state, motions=np.stack([last, found.Y]))
     landmarks = _landmarks(config, features, expected, (mine[found.follows], theirs[found.follows]))
+    place = state.displacement
     state = replace(
-        _moved(state, found, X_WS), landmarks=landmarks, since_jump=-1, motions=_still()
+        state,
+        displacement=replace(place, jumps=place.jumps + 1),
+        before=place.covariance,
+        landmarks=landmarks,
+        since_jump=-1,
+        motions=_still(),
     )
+    state = _moved(state, found, X_WS)
     turn, shift = se3.log(state.displacement.X).reshape(2, 3)
     fault = (
         f"the camera has moved, by {np.rad2deg(np.linalg.norm(turn)):.1f} deg and"
@@ -241,7 +250,10 @@ def _moved(state: CameraState, found: Displacement, X_WS: Array) -> CameraState:
     about[:3, 3] = found.centre
     Ad = se3.adjoint(to_camera @ about)
     R = Y_inverse[:3, :3]
-    displacement = replace(state.displacement, X=X_SC, covariance=Ad @ found.covariance @ Ad.T)
+    new = Ad @ found.covariance @ Ad.T
+    displacement = replace(state.displacement, X=X_SC, covariance=state.before + new)
+    if state.since_jump <= 0:
+        displacement = replace(displacement, jump_covariance=new)
     seen = replace(
         state.features,
         p_WF=transform(Y_inverse, state.features.p_WF),
@@ -274,9 +286,4 @@ def _settled(
     C = np.linalg.inv(information[rows])
     seen = transform(D, np.einsum("nij,nj->ni", C, moment[rows]))
     C = R @ C @ R.T + landmarks.C[rows] + config.floor**2 * np.eye(3)
-    state = _moved(state, fit_displacement(seen, landmarks.p_W[rows], C), X_WS)
-    if state.since_jump > 0:
-        return state
-    known = state.displacement
-    first = replace(known, jumps=known.jumps + 1, jump_covariance=known.covariance)
-    return replace(state, displacement=first)
+    return _moved(state, fit_displacement(seen, landmarks.p_W[rows], C), X_WS)

@@ -245,13 +245,15 @@ def _add_vision(
         RigidBodyMotion(config.bodies, intrinsics, X_WC, with_held_body),
     )
     readers = {stream: [features] for stream in SEEN_STREAMS}
-    add_image_monitor(builder, config.images, calibration, readers, masked=features)
-    place = builder.AddNamedSystem("camera_motion", CameraMotion(config.camera, X_WC))
+    monitor = add_image_monitor(builder, config.images, calibration, readers, masked=features)
+    place = builder.AddNamedSystem(
+        "camera_motion", CameraMotion(config.camera, config.bodies.dynamics, X_WC)
+    )
     connect_alike(builder, features, _FEATURES, place)
     connect_alike(builder, place, _FEATURES, bodies)
     for reader in (features, place):
         connect_alike(builder, bodies, "features_predicted", reader)
-    for source, reader in (("latest", features), ("estimated", bodies)):
+    for source, reader in (("latest", monitor), ("latest", features), ("estimated", bodies)):
         displacement = f"camera_displacement_{source}"
         connect(builder, [(place, displacement, reader, "camera_displacement")])
     export_outputs(builder, features, "features_latest")

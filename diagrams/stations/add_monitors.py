@@ -39,7 +39,7 @@ def add_image_monitor(
     calibration: Calibration,
     readers: Mapping[str, Sequence[System]],
     masked: System,
-) -> None:
+) -> System:
     """Adds the monitor of a camera's images; exports these, the robot's mask and their health.
 
     Args:
@@ -60,3 +60,4 @@ def add_image_monitor(
         builder.ExportOutput(monitor.GetOutputPort(health), health)
     mask = builder.ExportInput(masked.GetInputPort("robot_mask"), "robot_mask")
     builder.ConnectInput(mask, monitor.GetInputPort("robot_mask"))
+    return monitor

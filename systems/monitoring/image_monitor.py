@@ -21,7 +21,7 @@ from crossmodal.systems.monitoring.window_monitor import (
     WindowMonitorConfig,
     check_window,
 )
-from crossmodal.systems.port_values import SampleWindow, StampedImage, StreamHealth
+from crossmodal.systems.port_values import IN_PLACE, SampleWindow, StampedImage, StreamHealth
 from crossmodal.systems.recursive_filter import RecursiveFilter
 from crossmodal.systems.ticks import Ticked
 
@@ -47,7 +47,7 @@ class ImageMonitorConfig(Ticked):
 class Watched(Immutable):
     """What is remembered of the images, and the depth and the grey of what stands still.
 
-    The view is that with which depth and grey began.
+    The view is that with which depth and grey began; so is the number of the camera's jumps.
     """
 
     color: Monitored = field(default_factory=Monitored)
@@ -55,6 +55,7 @@ class Watched(Immutable):
     background: Background | None = None
     grey: Background | None = None
     view: View | None = None
+    camera_jumps: int = 0
 
 
 def fingerprint(image: Any, stamp: float) -> float:
@@ -130,6 +131,8 @@ class ImageMonitor(RecursiveFilter):
       by colour.
     - `depth_measured`: `StampedImage` of an `ImageDepth32F`, [m].
     - `robot_mask`: `ImageGrey8U`, nonzero on the robot; none if not connected.
+    - `camera_displacement`: `CameraDisplacement`; what stands still is learnt anew after each of
+      its jumps. None if not connected.
 
     Output ports:
     - `color_checked`: `StampedImage` of an `ImageRgba8U`, black where the image is kept back.
@@ -159,6 +162,7 @@ class ImageMonitor(RecursiveFilter):
             for name, image in nothing.items()
         }
         self._mask = self._declare_value_input("robot_mask", ImageGrey8U(width, height))
+        self._camera = self._declare_value_input("camera_displacement", IN_PLACE)
         self._declare_recursion(Watched(), self._watch, config.period)
         for name, image in nothing.items():
             self._declare_checked(name, image)
@@ -181,6 +185,11 @@ class ImageMonitor(RecursiveFilter):
 
     def _watch(self, context: Context, before: Any) -> Watched:
         now = context.get_time()
+        camera = self._read_optional(self._camera, context) or IN_PLACE
+        if camera.jumps != before.camera_jumps:
+            before = replace(
+                before, background=None, grey=None, view=None, camera_jumps=camera.jumps
+            )
         read = {name: self._read_optional(port, context) for name, port in self._ports.items()}
         images = {name: image for name, image in read.items() if image is not None}
         watched = replace(
@@ -215,13 +224,12 @@ class ImageMonitor(RecursiveFilter):
         background, has_changed = watch_depth(
             self._config.background, watched.background, image, robot
         )
-        if color is None or not is_new(watched.color):
-            pass
-        elif watched.view is None:
-            watched = replace(watched, view=view_of(color, robot))
-        elif has_changed and is_another(watched.view, color):
-            background, has_changed = watch_depth(self._config.background, None, image, robot)
-            watched = replace(watched, grey=None, view=view_of(color, robot))
+        if color is not None and is_new(watched.color):
+            if watched.view is None:
+                watched = replace(watched, view=view_of(color, robot))
+            elif has_changed and is_another(watched.view, color):
+                background, has_changed = watch_depth(self._config.background, None, image, robot)
+                watched = replace(watched, grey=None, view=view_of(color, robot))
         if has_changed:
             depth = kept_back(watched.depth, before.depth, now, CHANGED)
             return replace(watched, depth=depth)

@@ -26,11 +26,13 @@ from crossmodal.maths.arrays import Array, Mask
 from crossmodal.maths.gaussian import outlier_gate
 from crossmodal.maths.rigid_points import pose_jacobian
 from crossmodal.maths.validation import number
+from crossmodal.systems.vision.bodies.feature_displacements import squared_distances
+from crossmodal.systems.vision.bodies.rigid_body_motion_config import BodyDynamicsConfig
 from crossmodal.systems.vision.camera_geometry import transform
 
 _GATE = outlier_gate(3)
 _ROUNDS = 8  # Of the robust fit; its width halves in each.
-_SIZES = (0.1, 0.3, 1.0)  # Of a jump, as shares of the largest that is usual; each as likely.
+_SIZES = (0.1, 0.3, 1.0)  # Of a jump, as shares of a hard knock's; each as likely.
 
 
 @dataclass(kw_only=True)
@@ -39,16 +41,12 @@ class CameraJumpConfig:
 
     # How often a camera is knocked.
     rate: float = number(1.0 / 600.0, above=0.0, at_most=1.0, unit="1/s")
-    # By how much at most, 1 sigma.
+    # Standard deviation of its turn, of knocks that are hard.
     rotation: float = number(0.02, above=0.0, at_most=3.0, unit="rad")
-    # Likewise.
+    # The same of its shift.
     translation: float = number(0.01, above=0.0, at_most=10.0, unit="m")
     # How often a body begins to move.
     onset_rate: float = number(0.1, above=0.0, at_most=100.0, unit="1/s")
-    # Spectral density of its acceleration.
-    angular_process_noise: float = number(1e-2, at_least=1e-12, at_most=1000.0, unit="rad^2/s^3")
-    # The same for the translation.
-    linear_process_noise: float = number(2.5e-3, at_least=1e-12, at_most=1000.0, unit="m^2/s^3")
     # Share of features that are lost or mistaken when a camera jumps.
     outliers: float = number(0.05, above=0.0, below=0.5)
     # Odds from which on a jump is believed.
@@ -72,11 +70,6 @@ class Displacement:
     centre: Array
     covariance: Array
     follows: Mask
-
-
-def distances(e: Array, C: Array) -> Array:
-    """Squared Mahalanobis lengths (N,) of errors (N, 3) with covariances (N, 3, 3)."""
-    return np.asarray(np.einsum("ni,nij,nj->n", e, np.linalg.inv(C), e))
 
 
 def fit_displacement(p: Array, q: Array, C: Array) -> Displacement:
@@ -107,12 +100,13 @@ def fit_displacement(p: Array, q: Array, C: Array) -> Displacement:
         Y=shift @ Y @ se3.inverse(shift),
         centre=centre,
         covariance=np.asarray(np.linalg.inv(normal)),
-        follows=distances(e, C) < _GATE,
+        follows=squared_distances(e, C)[0] < _GATE,
     )
 
 
 def jump_odds(
     config: CameraJumpConfig,
+    dynamics: BodyDynamicsConfig,
     found: Displacement,
     displaced: Mask,
     groups: int,
@@ -123,7 +117,8 @@ def jump_odds(
     """Log of the odds that the camera has jumped, against that a body has begun to move.
 
     Args:
-        config: Of both.
+        config: How cameras are knocked.
+        dynamics: How bodies accelerate.
         found: The motion.
         displaced: Which features (N,) are not where they were expected.
         groups: How many bodies have jumped by it, the resting world as one.
@@ -142,9 +137,8 @@ def jump_odds(
         logsumexp([_log_normal(camera, (size * scales) ** 2) for size in _SIZES])
         - np.log(len(_SIZES))
     )
-    noise = np.repeat([config.angular_process_noise, config.linear_process_noise], 3)
     # What is expected is extrapolated from two ticks: once, twice and once this tick's error.
-    of_body = noise * period**3 / 3.0 + 6.0 * np.diagonal(found.covariance)
+    of_body = dynamics.process_noise * period**3 / 3.0 + 6.0 * np.diagonal(found.covariance)
     by_body = _log_normal(seen, of_body)
     # As likely any share of them: a beta distribution.
     share = gammaln(moved + 1) + gammaln(stayed + 1) - gammaln(moved + stayed + 2)

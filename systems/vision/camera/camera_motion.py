@@ -23,17 +23,20 @@ from crossmodal.systems.port_values import (
 )
 from crossmodal.systems.recursive_filter import RecursiveFilter
 from crossmodal.systems.ticks import Ticked, whole_ticks
+from crossmodal.systems.vision.bodies.feature_displacements import squared_distances
+from crossmodal.systems.vision.bodies.rigid_body_motion_config import BodyDynamicsConfig
 from crossmodal.systems.vision.camera.camera_jump import (
     CameraJumpConfig,
     Displacement,
-    distances,
     fit_displacement,
     jump_odds,
 )
 from crossmodal.systems.vision.camera_geometry import transform
 
 _GATE = outlier_gate(3)
-_USUAL = 3.0  # Median squared distance, 2.4 of noise alone, up to which nothing has moved.
+# Median squared distance, 2.4 of noise alone, up to which most features are where they were
+# expected, so that no motion of theirs needs to be fitted.
+_USUAL = 3.0
 _GROUP = 3  # Features of a body that have to follow a motion.
 
 
@@ -122,16 +125,20 @@ class CameraMotion(RecursiveFilter):
 
     Args:
         config: When it is taken to have moved.
+        dynamics: How the bodies accelerate that it sees.
         X_WS: (4, 4).
 
     Raises:
         ValueError: for an impossible config value.
     """
 
-    def __init__(self, config: CameraMotionConfig, X_WS: Array) -> None:
+    def __init__(
+        self, config: CameraMotionConfig, dynamics: BodyDynamicsConfig, X_WS: Array
+    ) -> None:
         super().__init__()
         check(config, "CameraMotion")
-        self._config, self._X_WS = config, np.array(X_WS, dtype=float)
+        self._config, self._dynamics = config, dynamics
+        self._X_WS = np.array(X_WS, dtype=float)
         self._features = self._declare_value_input("features_estimated", no_features())
         self._expected = self._declare_value_input("features_predicted", no_expectations())
         self._declare_recursion(CameraState(), self._calc_state, config.period)
@@ -143,24 +150,30 @@ class CameraMotion(RecursiveFilter):
     def _calc_state(self, context: Context, state: CameraState) -> CameraState:
         features = self._read(self._features, context)
         expected = self._read_optional(self._expected, context) or no_expectations()
-        return step(self._config, state, features, expected, self._X_WS)
+        return step(self._config, self._dynamics, state, features, expected, self._X_WS)
 
 
 def step(
     config: CameraMotionConfig,
+    dynamics: BodyDynamicsConfig,
     state: CameraState,
     features: FeatureBelief,
     expected: ExpectedFeatures,
     X_WS: Array,
 ) -> CameraState:
     """The state after the features of one tick."""
-    state = _after_jump(config, replace(state, features=features), expected, X_WS)
+    state = replace(state, features=features)
+    state = _after_jump(config, dynamics, state, expected, X_WS)
     state = replace(state, since_jump=state.since_jump + 1)
     return _settled(config, state, expected, X_WS)
 
 
 def _after_jump(
-    config: CameraMotionConfig, state: CameraState, expected: ExpectedFeatures, X_WS: Array
+    config: CameraMotionConfig,
+    dynamics: BodyDynamicsConfig,
+    state: CameraState,
+    expected: ExpectedFeatures,
+    X_WS: Array,
 ) -> CameraState:
     """The state with the camera where it is now, if it has just jumped."""
     features = state.features
@@ -172,7 +185,7 @@ def _after_jump(
     if len(mine) < config.jump.least_features:
         return replace(state, motions=_still())
     before, last = state.motions
-    apart = distances(p - q, C)
+    apart, _ = squared_distances(p - q, C)
     if float(np.median(apart)) < _USUAL:
         return replace(state, motions=np.stack([last, np.eye(4)]))
     found, displaced = fit_displacement(p, q, C), apart > _GATE
@@ -180,6 +193,7 @@ def _after_jump(
     count = np.unique(expected.body[theirs][jumped], return_counts=True)[1]
     odds = jump_odds(
         config.jump,
+        dynamics,
         found,
         displaced,
         int(np.sum(count >= _GROUP)),
@@ -189,7 +203,9 @@ def _after_jump(
     )
     if np.sum(jumped) < config.jump.least_features or odds < np.log(config.jump.odds):
         return replace(state, motions=np.stack([last, found.Y]))
-    landmarks = _landmarks(config, features, expected, (mine[found.follows], theirs[found.follows]))
+    rows = mine[found.follows], theirs[found.follows]
+    walk = dynamics.linear_process_noise * config.period**3 / 3.0
+    landmarks = _landmarks(features, expected, rows, walk, config.floor)
     place = state.displacement
     state = replace(
         state,
@@ -209,10 +225,11 @@ def _after_jump(
 
 
 def _landmarks(
-    config: CameraMotionConfig,
     features: FeatureBelief,
     expected: ExpectedFeatures,
     rows: tuple[Ids, Ids],
+    walk: float,
+    floor: float,
 ) -> Landmarks:
     """What a jump is measured by.
 
@@ -220,22 +237,22 @@ def _landmarks(
     counts less, so that together they count as much as that allows.
 
     Args:
-        config: Of the body's acceleration.
         features: At the tick of the jump.
         expected: Then.
         rows: Of the same ones in both.
+        walk: Variance by which a body's acceleration shifts it within a tick, [m^2].
+        floor: Error of a feature that averaging does not remove, [m].
     """
     mine, theirs = rows
     body = expected.body[theirs]
     moves = body > STATIC_BODY
     count = np.array([np.sum(body == own) for own in body], dtype=float)
-    walk = config.jump.linear_process_noise * config.period**3 / 3.0
     common = np.where(moves, count * walk, 0.0)[:, None, None] * np.eye(3)
     return Landmarks(
         ids=features.ids[mine],
         moves=moves,
         p_W=expected.p_WF[theirs],
-        C=expected.covariance[theirs] + common + config.floor**2 * np.eye(3),
+        C=expected.covariance[theirs] + common + floor**2 * np.eye(3),
         information=np.zeros((len(mine), 3, 3)),
         moment=np.zeros((len(mine), 3)),
     )

@@ -51,8 +51,8 @@ class FeatureMotion(RecursiveFilter):
     - `robot_mask`: `ImageGrey8U`, nonzero on the robot; none if not connected.
     - `features_predicted`: `FeatureBelief`, where the body tracker expects features, by id; may be
       empty; none if not connected.
-    - `camera_displacement`: `PoseBelief` X_SC of the camera in the place S that the depth image
-      names; it stands there if not connected. The robot's mask is moved with it.
+    - `camera_displacement`: `CameraDisplacement` X_SC of the camera in the place S that the depth
+      image names; it stands there if not connected. The robot's mask is moved with it.
 
     Output ports:
     - `features_estimated`: `FeatureBelief` of the features seen at this tick.

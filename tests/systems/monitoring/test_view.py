@@ -1,5 +1,7 @@
 """When a camera's view is another one, whatever the light, and what that says of its depth."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import numpy.typing as npt
@@ -9,7 +11,7 @@ from pydrake.systems.sensors import ImageDepth32F, ImageRgba8U
 
 from crossmodal.systems.monitoring.image_monitor import CHANGED, ImageMonitor, ImageMonitorConfig
 from crossmodal.systems.monitoring.view import is_another, view_of
-from crossmodal.systems.port_values import StampedImage
+from crossmodal.systems.port_values import IN_PLACE, StampedImage
 from crossmodal.systems.shared_settings import with_shared
 
 HEIGHT, WIDTH = 240, 320
@@ -67,3 +69,25 @@ def test_depth_that_changes_with_the_view_is_no_fault(shift: float, fault: str) 
         assert bool(passed.any()) == (not (knocked and fault))
         system.ExecuteForcedEvents(context)
     assert system.GetOutputPort("depth_health_latest").Eval(context).fault == fault
+
+
+def test_a_depth_sensor_that_fails_after_a_knock_is_noticed() -> None:
+    """The knock leaves the depth of the wall as it is, so that only the features tell of it."""
+    system = ImageMonitor(with_shared(ImageMonitorConfig(), period=TICK), WIDTH, HEIGHT)
+    context = system.CreateDefaultContext()
+    jumped = replace(IN_PLACE, jumps=1)
+    told = []
+    for k in range(12):
+        color, depth = ImageRgba8U(WIDTH, HEIGHT), ImageDepth32F(WIDTH, HEIGHT)
+        color.mutable_data[:] = seen(4.0 if k >= 3 else 0.0, noise=k)
+        noise = 1e-3 * np.random.default_rng(k).standard_normal((HEIGHT, WIDTH, 1))
+        depth.mutable_data[:] = 1.0 + noise + (0.02 if k >= 8 else 0.0)
+        context.SetTime(k * TICK)
+        for name, image in (("color", color), ("depth", depth)):
+            value = StampedImage(time=k * TICK, image=image)
+            system.GetInputPort(f"{name}_measured").FixValue(context, AbstractValue.Make(value))
+        camera = jumped if k >= 4 else IN_PLACE
+        system.GetInputPort("camera_displacement").FixValue(context, AbstractValue.Make(camera))
+        system.ExecuteForcedEvents(context)
+        told.append(system.GetOutputPort("depth_health_latest").Eval(context).fault)
+    assert told == [""] * 8 + [CHANGED] * 4

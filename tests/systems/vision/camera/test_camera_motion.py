@@ -12,7 +12,10 @@ from crossmodal.maths import se3
 from crossmodal.maths.pinhole import Intrinsics
 from crossmodal.systems.port_values import FeatureBelief, PoseBelief
 from crossmodal.systems.vision.bodies.rigid_body_motion import RigidBodyMotion
-from crossmodal.systems.vision.bodies.rigid_body_motion_config import RigidBodyMotionConfig
+from crossmodal.systems.vision.bodies.rigid_body_motion_config import (
+    BodyDynamicsConfig,
+    RigidBodyMotionConfig,
+)
 from crossmodal.systems.vision.camera.camera_jump import fit_displacement
 from crossmodal.systems.vision.camera.camera_motion import CameraMotion, CameraMotionConfig
 
@@ -100,7 +103,7 @@ def watch(camera: Intrinsics, tick: Callable) -> Callable[..., Iterator]:
 
 def _network(camera: Intrinsics, config: CameraMotionConfig) -> Diagram:
     builder = DiagramBuilder()
-    place = builder.AddSystem(CameraMotion(config, X_WS))
+    place = builder.AddSystem(CameraMotion(config, BodyDynamicsConfig(), X_WS))
     bodies = builder.AddSystem(RigidBodyMotion(RigidBodyMotionConfig(), camera, X_WS))
     builder.Connect(
         place.GetOutputPort("camera_displacement_estimated"),
@@ -207,4 +210,4 @@ def test_few_features_are_no_proof(watch: Callable) -> None:
 
 def test_impossible_values_are_refused() -> None:
     with pytest.raises(ValueError, match="settling"):
-        CameraMotion(replace(CameraMotionConfig(), settling=-1.0), np.eye(4))
+        CameraMotion(replace(CameraMotionConfig(), settling=-1.0), BodyDynamicsConfig(), np.eye(4))

@@ -99,8 +99,8 @@ def train_segmentation_command(
 def train_grasp_command(
     seed: Annotated[int, _SEED] = 0,
     jobs: Annotated[int, _JOBS] = 1,
-    files: Annotated[int, typer.Option(min=8, help="Files of data, of 25 scenes each.")] = 48,
-    epochs: Annotated[int, typer.Option(min=1, help="How often each view is learned from.")] = 15,
+    files: Annotated[int, typer.Option(min=8, help="Files of data, of 25 scenes each.")] = 80,
+    epochs: Annotated[int, typer.Option(min=1, help="How often each view is learned from.")] = 16,
     data: Annotated[
         Path, typer.Option(help="Folder of the views and of how far it got: it goes on there.")
     ] = Path("runs/grasp"),

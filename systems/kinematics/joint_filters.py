@@ -230,6 +230,37 @@ class JointFilters:
         rebased = rebased_state(state, float(time), offset, reference_error, self.config)
         return self._with_probabilities(rebased)
 
+    def count_from(
+        self, state: JointFiltersState, X_PB: Array, covariance: Array
+    ) -> JointFiltersState:
+        """The same state, with configurations that count from where the child is.
+
+        What is known of the joint stays. By each type, that point of the path has q = 0 which is
+        nearest to the pose.
+
+        Args:
+            state: Not changed.
+            X_PB: Measured pose (4, 4) of the child from which q counts.
+            covariance: Of that measurement (6, 6), in B.
+
+        Raises:
+            ValueError: for arrays of other shapes, and for what cannot be true.
+        """
+        owner = f"{self._owner}.count_from"
+        X_PB = pose_array(X_PB, "X_PB", owner)
+        covariance = covariance_array(covariance, "covariance", owner)
+        if fault := pose_fault(X_PB) or covariance_fault(covariance):
+            raise ValueError(f"{owner}: {fault}")
+        noise = finite(covariance) + EXACT
+        return replace(
+            state,
+            X_FZ=se3.inverse(state.X_PF) @ X_PB,
+            zero_time=state.time + state.clock,
+            zero_noise=noise,
+            W_zero=np.asarray(np.linalg.inv(noise)),
+            zero_variance=np.zeros_like(state.zero_variance),
+        )
+
     def update(
         self,
         state: JointFiltersState,
@@ -506,8 +537,9 @@ def _moving_joint(
         state.covariance[kind] if state.keyframes.wander[0] > 0.0 else m.covariance[kind],
         state.X_PF,
         config.axis_distance,
+        state.X_FZ,
         state.W_zero,
-        state.reference_noise + state.offset,
+        state.zero_noise + state.offset,
         float(state.zero_variance[kind]),
         S,
         dt,

@@ -23,6 +23,14 @@ from crossmodal.systems.kinematics.joint_pairs import (
     scheduled_pairs,
 )
 from crossmodal.systems.kinematics.pose_checks import SkipReason, covariance_fault, pose_fault
+from crossmodal.systems.kinematics.seen_body import (
+    UNSEEN,
+    SeenBody,
+    as_seen,
+    find_seen,
+    moves_alike,
+    of_held,
+)
 from crossmodal.systems.port_values import (
     HEALTHY,
     HELD_BODY,
@@ -77,6 +85,8 @@ class JointGraphState(Immutable):
         past: Each body's filters with the environment within the transfer window, oldest first.
         unseen: Ticks since each body was measured.
         ticks: Number of this tick, from one on.
+        seen: Which body of vision's the one in the hand is; joints of the held body, other than
+            that with the seen one, are of the seen one's frame.
         health: Of the bodies' poses at this tick.
     """
 
@@ -85,9 +95,11 @@ class JointGraphState(Immutable):
     past: dict[int, list[JointFiltersState]]
     unseen: dict[int, int]
     ticks: int
+    seen: SeenBody = UNSEEN
     health: StreamHealth = HEALTHY
 
 
+_ANEW = -1  # No count of resets: the next measurement's constant error is another one.
 EMPTY_GRAPH = JointGraphState(pairs={}, bodies={}, past={}, unseen={}, ticks=0)
 
 
@@ -166,6 +178,61 @@ def resting_parents(
     return resting
 
 
+def recognised(
+    graph: JointGraphState,
+    bodies: Mapping[int, BodyMotion],
+    filters: JointFilters,
+    config: KinematicModelConfig,
+) -> JointGraphState:
+    """The graph before this tick's update, with what vision knew of the body that the hand holds.
+
+    When the hand has closed, the held body takes over the joints of the body that it is, and their
+    configurations count from there. Where the two turn out not to move alike, the held body's
+    joints begin anew. Once vision has no such body any more, only the held one measures its joints.
+    """
+    seen = graph.seen
+    if HELD_BODY not in bodies:
+        return graph
+    held = bodies[HELD_BODY]
+    if HELD_BODY not in graph.bodies:
+        known = [child for parent, child in graph.pairs if parent == STATIC_BODY]
+        seen = find_seen(held, bodies, known, config.transfer_window)
+        graph = replace(graph, seen=seen)
+        return graph if seen.body_id == STATIC_BODY else _handed_over(graph, bodies, filters)
+    if not seen.is_followed:
+        return graph
+    own = {pair: state for pair, state in graph.pairs.items() if pair[1] == HELD_BODY}
+    of_seen = {pair for pair in graph.pairs if seen.body_id in pair}
+    if seen.body_id not in bodies:
+        # Where the same landmarks go on, so do their errors; the hand's are others.
+        is_seen = isinstance(held, HeldBody) and held.seen is not None
+        count = held.reset_count if is_seen else _ANEW
+        anew = {pair: replace(state, reset_count=count) for pair, state in own.items()}
+        pairs = {pair: state for pair, state in graph.pairs.items() if pair not in of_seen}
+        pairs |= {pair: state for pair, state in anew.items() if pair not in of_seen}
+        return replace(graph, pairs=pairs, seen=replace(seen, is_followed=False))
+    if moves_alike(seen, held, bodies[seen.body_id]):
+        return graph
+    others = {pair: state for pair, state in graph.pairs.items() if pair not in own}
+    others |= {pair: state for pair, state in own.items() if pair in of_seen}
+    past = {child: states for child, states in graph.past.items() if child != HELD_BODY}
+    return replace(graph, pairs=others, past=past, seen=UNSEEN)
+
+
+def _handed_over(
+    graph: JointGraphState, bodies: Mapping[int, BodyMotion], filters: JointFilters
+) -> JointGraphState:
+    """The graph in which the held body has the joints of the seen one, too."""
+    seen, present = graph.seen.body_id, {**graph.bodies, **bodies}
+    pairs = dict(graph.pairs)
+    for (parent, child), state in graph.pairs.items():
+        if child == seen:
+            pose, _, _ = measured_pose((parent, child), present)
+            counted = filters.count_from(state, pose.X, pose.covariance)
+            pairs[parent, HELD_BODY] = replace(counted, child_id=HELD_BODY)
+    return replace(graph, pairs=pairs, past={**graph.past, HELD_BODY: graph.past[seen]})
+
+
 def _update_pair(
     pair: Pair,
     graph: JointGraphState,
@@ -216,8 +283,10 @@ def update_graph(
     """
     faults = faults or {}
     time = (graph.ticks + 1) * config.period
+    graph = recognised(graph, bodies, filters, config)
     resting = resting_parents(graph, bodies, config)
     present = {**resting, **bodies}
+    described = as_seen(graph.seen, present)
     possible = [
         pair
         for pair in possible_pairs(bodies, resting)
@@ -227,7 +296,8 @@ def update_graph(
     pairs: dict[Pair, JointFiltersState] = {}
     for pair in sorted({*possible, *graph.pairs}):
         if pair in scheduled:
-            state = _update_pair(pair, graph, present, filters, config)
+            measured = present if pair[0] == graph.seen.body_id else described
+            state = _update_pair(pair, graph, measured, filters, config)
         else:
             state = graph.pairs[pair]
             is_kept = pair in possible or time - state.time <= config.patience
@@ -250,6 +320,7 @@ def update_graph(
         past=past,
         unseen=unseen,
         ticks=graph.ticks + 1,
+        seen=graph.seen,
         health=_health(faults, graph, pairs, unseen, config.period),
     )
 
@@ -293,6 +364,8 @@ def predict_bodies(
             if joint_type == JointType.DISCONNECTED or probability < config.least_probability:
                 continue
             pose = filters.predict(state, joint_type, dt)
+            if child_id == HELD_BODY and parent_id != graph.seen.body_id:
+                pose = of_held(graph.seen, pose)
             source = joint_type.value
             if parent_id != STATIC_BODY:
                 Ad, parent = se3.adjoint(se3.inverse(pose.X)), parents[parent_id]

@@ -34,6 +34,9 @@ class KinematicModel(RecursiveFilter):
     The configuration of a pair that is not measured any more is predicted, ever less surely, for as
     long as the pair is kept.
 
+    The body in the hand takes over the joints of the seen body that it is (`seen_body`); it counts
+    from where the hand closed.
+
     A body that begins to move after B belonged to the environment until then, so that what is known
     of B's joint to the environment is transferred to the joint between the two. A parent that is
     not measured any more is taken to rest, with growing covariance.

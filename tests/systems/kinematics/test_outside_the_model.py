@@ -8,6 +8,7 @@ import pytest
 from benchmarks.joint_robustness import evaluate_case
 from benchmarks.real_tracks import believe, read_tracks, residual
 from benchmarks.robustness_streams import all_cases, plain_cases, simulate_case
+from crossmodal.maths import se3
 from crossmodal.systems.kinematics.joint_filters import JointFilters, JointFiltersConfig
 from crossmodal.systems.port_values import JointType
 
@@ -61,6 +62,28 @@ def test_a_reference_that_is_an_outlier_is_told_from_the_rest() -> None:
     outcome = evaluate_case(CASES["rigid, 2 % outliers"], 3, JointFilters(JointFiltersConfig()))
     assert outcome.type == "rigid"
     assert not outcome.wrong
+
+
+@pytest.mark.parametrize("flipped", [4, 8])
+def test_a_marker_that_is_seen_turned_over_at_first_is_understood(flipped: int) -> None:
+    """A streak of outliers, the reference among them, before 290 poses that agree."""
+    deviations = np.repeat([0.005, 0.002], 3)
+    hinge, over = np.array([0.0, 0.0, 1.0, 0.4, 0.0, 0.0]), np.array([0.9, 0.0, 0.0, 0.0, 0.0, 0.0])
+    filters, rng = JointFilters(JointFiltersConfig()), np.random.default_rng(3)
+    state = None
+    for k in range(300):
+        X = se3.exp(0.015 * k * hinge) @ se3.exp(deviations * rng.standard_normal(6))
+        X = X @ se3.exp(over) if k < flipped else X
+        if state is None:
+            state = filters.start(X, np.diag(deviations**2), time=0.0)
+        else:
+            state = filters.update(state, X, np.diag(deviations**2), time=k / 15)
+    assert state is not None
+    belief = filters.belief(state)
+    assert belief.hinge_probability() > 0.9
+    assert belief.fit is not None
+    assert belief.fit.outlier_share > 0.0
+    assert belief.fit.reduced_chi_square < belief.fit.bounds[1]
 
 
 @pytest.mark.parametrize("seed", [8, 32])

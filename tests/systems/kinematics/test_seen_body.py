@@ -1,0 +1,216 @@
+"""What vision has seen of a body's joint before the hand held it is not forgotten."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from kinematic_driver import COVARIANCE, REFERENCE_ERROR, Driver
+from numpy.testing import assert_allclose
+
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array
+from crossmodal.systems.kinematics.joint_filters import JointFilters, JointFiltersConfig
+from crossmodal.systems.kinematics.kinematic_model import KinematicModel, KinematicModelConfig
+from crossmodal.systems.kinematics.measurement_errors import MeasurementErrorsConfig
+from crossmodal.systems.port_values import (
+    HELD_BODY,
+    STATIC_BODY,
+    BodyMotion,
+    BodyPredictions,
+    HeldBody,
+    JointBelief,
+    JointType,
+    MotionBelief,
+    PoseBelief,
+)
+
+_PERIOD = 1.0 / 15.0
+_SPEED = 0.02  # [m/s]
+_CLOSED = 20  # Tick at which the hand has closed.
+_SEEN = 2
+_HINGE = np.array([1.0, 0.6, 0.5])
+_CLOSE_BY, _FAR = np.array([1.0, 0.1, 0.5]), np.array([1.6, 0.1, 0.5])
+
+
+def _model() -> KinematicModel:
+    """With errors that are not white, as those of landmarks are."""
+    errors = MeasurementErrorsConfig(
+        correlated_rotation=3e-3, correlated_translation=3e-4, declared_time=5.0
+    )
+    return KinematicModel(KinematicModelConfig(filters=JointFiltersConfig(errors=errors)))
+
+
+def _moved(joint: JointType, way: float) -> Array:
+    """X_WW' (4, 4) of a body that has gone `way` [m] along its path."""
+    if joint == JointType.PRISMATIC:
+        return np.asarray(se3.exp(np.array([0.0, 0.0, 0.0, way, 0.0, 0.0])))
+    X_WA = np.eye(4)
+    X_WA[:3, 3] = _HINGE
+    twist = np.array([0.0, 0.0, way / 0.4, 0.0, 0.0, 0.0])
+    return np.asarray(X_WA @ se3.exp(twist) @ se3.inverse(X_WA))
+
+
+def _at(p: Array) -> Array:
+    X = np.eye(4)
+    X[:3, 3] = p
+    return X
+
+
+def _seen(joint: JointType, k: int, number: int = _SEEN, p: Array = _CLOSE_BY) -> BodyMotion:
+    """A body that vision has followed since it began to move, at tick 0, with one frame's noise."""
+    noise = np.random.default_rng([number, k]).normal(size=6) * np.sqrt(np.diag(COVARIANCE)[:6])
+    X = _moved(joint, _SPEED * k * _PERIOD) @ _at(p) @ se3.exp(noise)
+    return BodyMotion(
+        body_id=number,
+        motion=MotionBelief(X=X, V=np.zeros(6), covariance=COVARIANCE),
+        X_WB_reference=_at(p),
+        feature_ids=np.arange(2),
+        p_BF=np.array([[0.1, 0.0, 0.0], [-0.1, 0.0, 0.0]]),
+        p_BF_covariance=np.zeros((6, 6)),
+        reference_age=(k + 1) * _PERIOD,
+    )
+
+
+_GRIP = _at(_CLOSE_BY + np.array([0.05, -0.08, 0.02]))
+
+
+def _held(joint: JointType, k: int, *, is_seen: bool = False) -> HeldBody:
+    """The body in the hand, which goes on along the path from where the hand has closed."""
+    start = _moved(joint, _SPEED * _CLOSED * _PERIOD) @ _GRIP
+    X_WB_reference = _at(start[:3, 3])
+    X = (
+        _moved(joint, _SPEED * k * _PERIOD)
+        @ se3.inverse(_moved(joint, _SPEED * _CLOSED * _PERIOD))
+        @ X_WB_reference
+    )
+    noise = np.random.default_rng([HELD_BODY, k]).normal(size=6)
+    X = X @ se3.exp(noise * np.sqrt(np.diag(COVARIANCE)[:6]) * (k > _CLOSED))
+    return HeldBody(
+        body_id=HELD_BODY,
+        motion=MotionBelief(X=X, V=np.zeros(6), covariance=COVARIANCE),
+        X_WB_reference=X_WB_reference,
+        correlated_covariance=np.zeros((6, 6)) if is_seen else REFERENCE_ERROR,
+        seen=PoseBelief(X=X, covariance=COVARIANCE[:6, :6]) if is_seen else None,
+    )
+
+
+def _joint_of_held(driver: Driver, parent: int = STATIC_BODY) -> JointBelief:
+    return next(
+        j for j in driver.joints().joints if (j.parent_id, j.child_id) == (parent, HELD_BODY)
+    )
+
+
+def _after_closing(
+    joint: JointType, *others: tuple[int, Array], of_held: JointType | None = None
+) -> Driver:
+    """A driver that has just ticked at the closing of the hand."""
+    driver = Driver(_model())
+    for k in range(1, _CLOSED + 1):
+        bodies = [_seen(joint, k), *(_seen(joint, k, number, p) for number, p in others)]
+        if k == _CLOSED:
+            bodies.append(_held(of_held or joint, k))
+        driver.set(*bodies)
+        driver.tick()
+    return driver
+
+
+@pytest.mark.parametrize("joint", [JointType.PRISMATIC, JointType.REVOLUTE])
+def test_the_held_body_goes_on_with_the_joint_that_was_seen(joint: JointType) -> None:
+    driver = _after_closing(joint)
+    radius = 1.0 if joint == JointType.PRISMATIC else 0.4
+    before = next(j for j in driver.joints().joints if j.child_id == _SEEN)
+    belief = _joint_of_held(driver)
+    assert belief.probabilities == before.probabilities
+    assert_allclose(belief.models[joint].axis_P, before.models[joint].axis_P)
+    std = np.sqrt(belief.models[joint].configuration_covariance[0, 0])
+    assert abs(belief.models[joint].configuration[0]) < 2.0 * std < 3e-3 / radius
+    for k in range(_CLOSED + 1, _CLOSED + 60):
+        # After a second, vision has been told that its body is the one in the hand.
+        is_known = k > _CLOSED + 15
+        seen = [] if is_known else [_seen(joint, k)]
+        driver.set(*seen, _held(joint, k, is_seen=is_known))
+        driver.tick()
+        belief = _joint_of_held(driver)
+        model = belief.models[joint]
+        way = _SPEED * (k - _CLOSED) * _PERIOD / radius
+        std = np.sqrt(model.configuration_covariance[0, 0])
+        assert abs(abs(model.configuration[0]) - way) < 3.0 * std
+        assert std < 3e-3 / radius
+    assert belief.type == joint
+    assert belief.updates == _CLOSED + 59
+    assert [j.child_id for j in driver.joints().joints] == [HELD_BODY]
+
+
+def test_a_body_that_does_not_go_with_the_hand_is_another_one() -> None:
+    """It has been nudged only, and rests while the hand goes on with what it holds."""
+    driver = _after_closing(JointType.PRISMATIC, of_held=JointType.REVOLUTE)
+    for k in range(_CLOSED + 1, _CLOSED + 30):
+        resting = replace(_seen(JointType.PRISMATIC, _CLOSED), reference_age=k * _PERIOD)
+        driver.set(resting, _held(JointType.REVOLUTE, k, is_seen=True))
+        driver.tick()
+    belief = _joint_of_held(driver)
+    assert belief.updates < 29
+    assert belief.type == JointType.REVOLUTE
+    # That with the nudged one has been followed all along.
+    assert _joint_of_held(driver, _SEEN).updates == 30
+
+
+def test_the_nearest_body_is_held_and_none_that_rested_long_ago() -> None:
+    joint = JointType.PRISMATIC
+    driver = _after_closing(joint, (3, _FAR))
+    assert {(j.parent_id, j.child_id) for j in driver.joints().joints} >= {(0, 1), (3, 1)}
+    assert_allclose(_joint_of_held(driver, 3).updates, _CLOSED - 1, atol=1)
+
+    late = Driver(_model())
+    for k in range(1, _CLOSED + 1):
+        body = replace(_seen(joint, k), reference_age=10.0 + k * _PERIOD)
+        late.set(body, *([_held(joint, k)] if k == _CLOSED else []))
+        late.tick()
+    assert _joint_of_held(late).updates == 1
+
+
+def test_predictions_are_of_the_held_body_s_own_frame() -> None:
+    joint = JointType.REVOLUTE
+    driver = _after_closing(joint)
+    for k in range(_CLOSED + 1, _CLOSED + 30):
+        driver.set(_seen(joint, k), _held(joint, k))
+        driver.tick()
+    predictions: BodyPredictions = driver.model.GetOutputPort("bodies_predicted").Eval(
+        driver.context
+    )
+    first = next(p for p in predictions.predictions if p.body_id == HELD_BODY)
+    error = se3.log(se3.inverse(first.pose.X) @ _held(joint, k + 1).motion.X)
+    assert_allclose(error, 0.0, atol=0.02)
+    assert_allclose(error[3:], 0.0, atol=5e-3)
+
+
+@pytest.mark.parametrize("joint", [JointType.PRISMATIC, JointType.REVOLUTE])
+def test_a_configuration_counts_from_any_pose_of_the_path(joint: JointType) -> None:
+    """Counted from the middle of the path, the end is as far as it is, as surely as it is said."""
+    filters = JointFilters(JointFiltersConfig())
+    R, squares = COVARIANCE[:6, :6], []
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+
+        def pose(way: float, rng: np.random.Generator = rng) -> Array:
+            noise = rng.normal(size=6) * np.sqrt(np.diag(R))
+            return np.asarray(_moved(joint, way) @ _at(_CLOSE_BY) @ se3.exp(noise))
+
+        state = filters.start(pose(0.0), R, 0.0)
+        for k in range(1, 61):
+            X = pose(0.005 * k)
+            state = filters.update(state, X, R, 0.1 * k)
+            if k == 30:
+                state = filters.count_from(state, X, R)
+        model = filters.belief(state).models[joint]
+        way = 0.15 / (1.0 if joint == JointType.PRISMATIC else 0.4)
+        error = abs(model.configuration[0]) - way
+        squares.append(error**2 / model.configuration_covariance[0, 0])
+    assert 0.4 < np.mean(squares) < 1.5
+
+
+def test_a_pose_that_cannot_be_true_is_none_to_count_from() -> None:
+    filters = JointFilters(JointFiltersConfig())
+    state = filters.start(np.eye(4), 1e-6 * np.eye(6), 0.0)
+    with pytest.raises(ValueError, match=r"JointFilters.count_from: .*"):
+        filters.count_from(state, np.full((4, 4), np.nan), 1e-6 * np.eye(6))

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from crossmodal.maths import se3
+from crossmodal.maths.gaussian import chi_square_gate, nees
 from crossmodal.maths.immutable import Immutable
 from crossmodal.maths.validation import number
 from crossmodal.systems.kinematics.joint_filters import JointFilters, JointFiltersState, skip
@@ -22,6 +23,7 @@ from crossmodal.systems.kinematics.joint_pairs import (
     possible_pairs,
     scheduled_pairs,
 )
+from crossmodal.systems.kinematics.measurement_errors import EXACT
 from crossmodal.systems.kinematics.pose_checks import SkipReason, covariance_fault, pose_fault
 from crossmodal.systems.kinematics.seen_body import (
     UNSEEN,
@@ -99,6 +101,7 @@ class JointGraphState(Immutable):
     health: StreamHealth = HEALTHY
 
 
+_MOVING = chi_square_gate(0.05, 6)  # Squared velocity by its covariance that a body at rest has.
 _ANEW = -1  # No count of resets: the next measurement's constant error is another one.
 EMPTY_GRAPH = JointGraphState(pairs={}, bodies={}, past={}, unseen={}, ticks=0)
 
@@ -168,11 +171,20 @@ def at_rest(body: BodyMotion, config: KinematicModelConfig) -> BodyMotion:
 def resting_parents(
     graph: JointGraphState, bodies: dict[int, BodyMotion], config: KinematicModelConfig
 ) -> dict[int, BodyMotion]:
-    """Parents that are not measured, as predicted: at rest for as long as they were followed."""
+    """Parents that are lost, as predicted: at rest for as long as they were followed.
+
+    Not those that moved when they were lost, of which nobody knows how far they went.
+
+    Args:
+        bodies: At this tick, also those that are followed and not seen.
+    """
     lost = {parent for parent, child in graph.pairs if parent not in bodies and child in bodies}
     resting = {}
     for body_id in sorted(lost - {STATIC_BODY}):
         body, unseen = graph.bodies[body_id], config.period * (graph.unseen[body_id] + 1)
+        V, covariance = body.motion.V, body.motion.covariance[6:, 6:]
+        if nees(V, covariance + EXACT) > _MOVING:
+            continue
         if 2.0 * unseen <= body.reference_age:  # An unknown age, NaN, is not enough.
             resting[body_id] = at_rest(body, config)
     return resting
@@ -188,7 +200,8 @@ def recognised(
 
     When the hand has closed, the held body takes over the joints of the body that it is, and their
     configurations count from there. Where the two turn out not to move alike, the held body's
-    joints begin anew. Once vision has no such body any more, only the held one measures its joints.
+    joints begin anew. Once vision has no such body any more, since it has been told that this is
+    the held one or has lost it, only the held one measures its joints.
     """
     seen = graph.seen
     if HELD_BODY not in bodies:
@@ -204,14 +217,15 @@ def recognised(
     own = {pair: state for pair, state in graph.pairs.items() if pair[1] == HELD_BODY}
     of_seen = {pair for pair in graph.pairs if seen.body_id in pair}
     if seen.body_id not in bodies:
-        # Where the same landmarks go on, so do their errors; the hand's are others.
         is_seen = isinstance(held, HeldBody) and held.seen is not None
+        # Where the same landmarks go on, so do their errors; the hand's are others.
         count = held.reset_count if is_seen else _ANEW
         anew = {pair: replace(state, reset_count=count) for pair, state in own.items()}
-        pairs = {pair: state for pair, state in graph.pairs.items() if pair not in of_seen}
-        pairs |= {pair: state for pair, state in anew.items() if pair not in of_seen}
+        pairs = {**graph.pairs, **anew}
+        pairs = {pair: state for pair, state in pairs.items() if pair not in of_seen}
         return replace(graph, pairs=pairs, seen=replace(seen, is_followed=False))
-    if moves_alike(seen, held, bodies[seen.body_id]):
+    body = bodies[seen.body_id]
+    if not body.is_seen or moves_alike(seen, held, body):
         return graph
     others = {pair: state for pair, state in graph.pairs.items() if pair not in own}
     others |= {pair: state for pair, state in own.items() if pair in of_seen}
@@ -278,15 +292,18 @@ def update_graph(
     """The graph one tick later.
 
     Args:
-        bodies: Measured at this tick, by id.
+        bodies: At this tick, by id; those that are not seen are none to measure joints by, and keep
+            theirs.
         faults: Of bodies that were left out, by id.
     """
     faults = faults or {}
     time = (graph.ticks + 1) * config.period
     graph = recognised(graph, bodies, filters, config)
+    followed = set(bodies)
     resting = resting_parents(graph, bodies, config)
+    bodies = {body_id: body for body_id, body in bodies.items() if body.is_seen}
     present = {**resting, **bodies}
-    described = as_seen(graph.seen, present)
+    described = {**resting, **as_seen(graph.seen, bodies)}
     possible = [
         pair
         for pair in possible_pairs(bodies, resting)
@@ -295,13 +312,14 @@ def update_graph(
     scheduled = scheduled_pairs(possible, present, graph.pairs, config.max_pairs)
     pairs: dict[Pair, JointFiltersState] = {}
     for pair in sorted({*possible, *graph.pairs}):
-        if pair in scheduled:
-            measured = present if pair[0] == graph.seen.body_id else described
+        measured = present if pair[0] == graph.seen.body_id else described
+        if pair in scheduled and pair[1] in measured:
             state = _update_pair(pair, graph, measured, filters, config)
         else:
-            state = graph.pairs[pair]
-            is_kept = pair in possible or time - state.time <= config.patience
-            state = state if is_kept else None
+            state = graph.pairs.get(pair)
+            is_followed = set(pair) <= {STATIC_BODY, *followed, *resting}
+            if state is not None and not is_followed and time - state.time > config.patience:
+                state = None
         if state is not None:
             for body_id in set(pair) & set(faults):
                 state = skip(state, faults[body_id])

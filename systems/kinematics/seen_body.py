@@ -103,11 +103,18 @@ def in_frame(body: BodyMotion, X_BK: Array) -> BodyMotion:
 
 
 def as_seen(seen: SeenBody, bodies: Mapping[int, BodyMotion]) -> dict[int, BodyMotion]:
-    """The bodies, with the held one described as the seen one."""
+    """The bodies that are measured, the held one described as the seen one.
+
+    While that one is followed and not seen, there is none.
+    """
     described = dict(bodies)
+    if seen.body_id == STATIC_BODY or HELD_BODY not in bodies:
+        return described
     if seen.is_followed:
-        described[HELD_BODY] = replace(bodies[seen.body_id], body_id=HELD_BODY)
-    elif seen.body_id != STATIC_BODY and HELD_BODY in bodies:
+        del described[HELD_BODY]
+        if seen.body_id in bodies:
+            described[HELD_BODY] = replace(bodies[seen.body_id], body_id=HELD_BODY)
+    else:
         described[HELD_BODY] = in_frame(bodies[HELD_BODY], se3.inverse(seen.X_KB))
     return described
 

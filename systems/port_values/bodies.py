@@ -84,6 +84,7 @@ class BodyMotion:
             of what the held body's landmarks have in common. Included in the motion's covariance.
         reference_offset_covariance: (6, 6), in B, of the reference's own error since then; not
             included.
+        is_seen: Whether it was measured at this tick; else it is predicted to have gone on.
     """
 
     body_id: int
@@ -97,6 +98,7 @@ class BodyMotion:
     reset_count: int = 0
     offset_covariance: Array = field(default_factory=lambda: np.zeros((6, 6)))
     reference_offset_covariance: Array = field(default_factory=lambda: np.zeros((6, 6)))
+    is_seen: bool = True
 
 
 @dataclass(kw_only=True)

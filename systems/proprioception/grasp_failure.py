@@ -28,6 +28,8 @@ class GraspFailureConfig:
     shift: float = number(0.3, at_least=0.0, at_most=10.0)
     # Largest log odds that are remembered from one comparison to the next.
     limit: float = number(5.0, above=0.0, at_most=1000.0, unit="nat")
+    # Probability from which a failed grasp stays one until the hand opens, where nobody sees it.
+    certain: float = number(0.95, at_least=0.5, below=1.0)
 
 
 @dataclass(kw_only=True)

@@ -22,7 +22,7 @@ from crossmodal.maths.arrays import Array
 from crossmodal.maths.compiled import assign, hot
 from crossmodal.maths.gaussian import joseph_update, log_likelihood, nees, symmetric
 from crossmodal.maths.vectors import cross, normal_basis, transport
-from crossmodal.systems.port_values import GraspType
+from crossmodal.systems.port_values import GraspBelief, GraspType
 from crossmodal.systems.proprioception.bent_hand import BentHand, free_rotation, free_sliding, screw
 from crossmodal.systems.proprioception.grasp_model_config import GraspModelConfig
 
@@ -282,3 +282,13 @@ def free_projection(grasp_type: GraspType, axis: Array, point: Array) -> Array:
     if grasp_type == GraspType.CYLINDRICAL:
         return free_rotation(axis, point) + free_sliding(axis, point)
     return np.zeros((6, 6))
+
+
+def if_held(grasp: GraspBelief) -> GraspBelief:
+    """What is believed of a grasp if it has not failed."""
+    held = max(1.0 - grasp.probabilities[GraspType.FAILED], 1e-9)
+    probabilities = {kind: p / held for kind, p in grasp.probabilities.items()}
+    probabilities[GraspType.FAILED] = 0.0
+    best = max(probabilities, key=lambda kind: probabilities[kind])
+    projection = free_projection(best, grasp.axis_H, grasp.p_HA)
+    return replace(grasp, probabilities=probabilities, free_motion=projection)

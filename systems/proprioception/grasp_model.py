@@ -140,8 +140,8 @@ def start_state(hand: BentHand, body: HeldBody, config: GraspModelConfig) -> Gra
 
 
 def doubt(state: GraspState, slip: SlipBelief, config: GraspModelConfig) -> GraspState:
-    """A tick at which nobody knows where the body is: a grasp that has failed stays so."""
-    if state.belief.type == GraspType.FAILED:
+    """A tick at which nobody knows where the body is: one that is lost for certain stays so."""
+    if state.belief.probabilities[GraspType.FAILED] >= config.failure.certain:
         return state
     probabilities = reweigh(state.belief, state.failure, slip, config)
     best, line = TYPES[int(np.argmax(probabilities))], state.belief

@@ -31,6 +31,7 @@ from crossmodal.systems.port_values import (
 from crossmodal.systems.proprioception.bent_hand import bent_hand
 from crossmodal.systems.proprioception.feature_registration import GATE, register
 from crossmodal.systems.proprioception.grasp_failure import GraspFailureConfig
+from crossmodal.systems.proprioception.grasp_filters import if_held
 from crossmodal.systems.proprioception.grasp_model import initial_grasp
 from crossmodal.systems.proprioception.grasp_model_config import GraspModelConfig
 from crossmodal.systems.proprioception.hand_config import check_hand
@@ -53,6 +54,7 @@ def is_known(end_effector: EndEffectorBelief, config: HeldBodyMotionConfig) -> b
 
 
 _FAILURE = GraspFailureConfig()
+_CERTAIN = float(np.log(_FAILURE.certain / (1.0 - _FAILURE.certain)))
 # Largest log odds that remain of a grasp, with its prior, once its body is hidden, [nat].
 _REMEMBERED = _FAILURE.limit + float(np.log(1.0 / _FAILURE.prior - 1.0))
 
@@ -120,20 +122,22 @@ class HeldBodyState(Immutable):
         body: None while the hand is open, while nobody knows where it is, and once it has lost what
             it held.
         sighting: What corrected it at this tick, if anything.
-        lost: Whether the hand has lost what it held since it closed.
+        is_doubted: Whether it has more likely been lost than not; then nothing is reported of it.
+        lost: Whether the hand has lost what it held, for certain, since it closed.
         waited: For how long the hand has been closed without a body, [s].
         slip_odds: What load and pressures have said of a slip, [nat].
     """
 
     body: BodyState | None = None
     sighting: Sighting | None = None
+    is_doubted: bool = False
     lost: bool = False
     waited: float = 0.0
     slip_odds: float = 0.0
 
 
-def has_failed(grasp: GraspBelief, slip_before: float, slip: float) -> bool:
-    """Whether a grasp is more likely to have failed than not, now that nobody sees its body.
+def loss_odds(grasp: GraspBelief, slip_before: float, slip: float) -> float:
+    """Log odds that the hand has lost its body, now that nobody sees that, [nat].
 
     Args:
         grasp: As it was believed at the last tick.
@@ -141,14 +145,13 @@ def has_failed(grasp: GraspBelief, slip_before: float, slip: float) -> bool:
         slip: What they say now, [nat].
     """
     failed = np.clip(grasp.probabilities[GraspType.FAILED], 1e-12, 1.0 - 1e-12)
-    otherwise = max(float(np.log(failed / (1.0 - failed))) - slip_before, -_REMEMBERED)
-    return grasp.type == GraspType.FAILED or otherwise + slip > 0.0
+    return max(float(np.log(failed / (1.0 - failed))) - slip_before, -_REMEMBERED) + slip
 
 
 def body_motions(state: HeldBodyState) -> BodyMotions:
     """The port value of a state."""
     body, sighting = state.body, state.sighting
-    if body is None:
+    if body is None or state.is_doubted:
         return BodyMotions()
     covariance = np.zeros((12, 12))
     covariance[:6, :6] = body.pose.covariance
@@ -255,6 +258,8 @@ class HeldBodyMotion(RecursiveFilter):
             end_effector = self._read(self._end_effector, context)
             bending = self._read(self._bending, context)
             grasp = self._read(self._grasp, context)
+            if stored.is_doubted:
+                grasp = if_held(grasp)
             hand = bent_hand(end_effector, bending)
             before = stored.body
             if before is not None:
@@ -267,10 +272,11 @@ class HeldBodyMotion(RecursiveFilter):
             Ad = se3.adjoint(se3.inverse(bending.X))
             V_covariance = Ad @ end_effector.covariance[6:, 6:] @ Ad.T
             body = with_velocity(body, Ad @ end_effector.V, V_covariance, grasp, self._config)
-        value.set_value(HeldBodyState(body=body))
+        value.set_value(HeldBodyState(body=body, is_doubted=stored.is_doubted))
 
     def _write_prior(self, context: Context, value: AbstractValue) -> None:
-        body = self._prior.Eval(context).body
+        prior: HeldBodyState = self._prior.Eval(context)
+        body = None if prior.is_doubted else prior.body
         value.set_value(NO_POSE if body is None else body.pose)
 
     def _calc_posterior_state(self, context: Context, state: Any) -> HeldBodyState:
@@ -282,9 +288,12 @@ class HeldBodyMotion(RecursiveFilter):
         body, sighting = self._correct(context, body)
         slip = self._read_optional(self._slip, context) or NO_SLIP
         grasp = self._read(self._grasp, context)
-        if sighting is None and has_failed(grasp, state.slip_odds, slip.log_odds):
+        odds = loss_odds(grasp, state.slip_odds, slip.log_odds) if sighting is None else -np.inf
+        if odds > _CERTAIN:
             return HeldBodyState(lost=True)
-        return HeldBodyState(body=body, sighting=sighting, slip_odds=slip.log_odds)
+        return HeldBodyState(
+            body=body, sighting=sighting, is_doubted=odds > 0.0, slip_odds=slip.log_odds
+        )
 
     def _correct(self, context: Context, body: BodyState) -> tuple[BodyState, Sighting | None]:
         """The body after this tick's features, and what they say of it, if anything."""

@@ -179,6 +179,7 @@ def body_motion(body: TrackedBody, age: float) -> BodyMotion:
         reference_age=age,
         reset_count=body.reset_count,
         offset_covariance=body.offset,
+        is_seen=body.unsupported == 0,
     )
 
 

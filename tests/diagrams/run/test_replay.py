@@ -124,10 +124,12 @@ def test_features_join_the_body_in_the_hand_only_through_its_prior(
     assert held_features(replayed, "unguided") == 0
 
 
-def test_without_that_prior_the_axis_is_worse_in_the_dark(replayed: JointEpisode) -> None:
-    angle = {name: replayed.series[name].axis_error[-1] for name in ("crossmodal", "unguided")}
-    assert angle["crossmodal"] < np.deg2rad(1.0)
-    assert not angle["unguided"] < 2.0 * angle["crossmodal"]  # True, too, without any axis.
+def test_without_that_prior_less_is_known_in_the_dark(replayed: JointEpisode) -> None:
+    """What vision has seen of the axis stays; where the body has gone is less certain."""
+    angle = {name: replayed.series[name].axis_error[-1] for name in WIRINGS}
+    std = {name: replayed.series[name].configuration_std[-1] for name in WIRINGS}
+    assert max(angle["crossmodal"], angle["unguided"]) < np.deg2rad(1.0) < angle["separate"]
+    assert std["unguided"] > 2.0 * std["crossmodal"]
 
 
 def test_with_every_wire_cut_the_hand_learns_nothing_from_the_eye(replayed: JointEpisode) -> None:

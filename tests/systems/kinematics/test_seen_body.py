@@ -141,6 +141,23 @@ def test_the_held_body_goes_on_with_the_joint_that_was_seen(joint: JointType) ->
     assert [j.child_id for j in driver.joints().joints] == [HELD_BODY]
 
 
+@pytest.mark.parametrize("follows", [True, False])
+def test_a_body_that_is_not_seen_measures_nothing(follows: bool) -> None:
+    """While it is predicted, its joint goes on, ever less surely; then it is the hand's."""
+    joint = JointType.PRISMATIC
+    driver = _after_closing(joint)
+    updates = _joint_of_held(driver).updates
+    for k in range(_CLOSED + 1, _CLOSED + 31):
+        unseen = replace(_seen(joint, k), is_seen=False)
+        driver.set(*([unseen] if follows else []), _held(joint, k))
+        driver.tick()
+    joints = {j.child_id: j for j in driver.joints().joints if j.parent_id == STATIC_BODY}
+    assert set(joints) == ({HELD_BODY, _SEEN} if follows else {HELD_BODY})
+    assert joints[HELD_BODY].updates == updates + 30 * (not follows)
+    std = np.sqrt(joints[HELD_BODY].models[joint].configuration_covariance[0, 0])
+    assert (std > 0.01) == follows
+
+
 def test_a_body_that_does_not_go_with_the_hand_is_another_one() -> None:
     """It has been nudged only, and rests while the hand goes on with what it holds."""
     driver = _after_closing(JointType.PRISMATIC, of_held=JointType.REVOLUTE)

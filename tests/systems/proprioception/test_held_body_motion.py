@@ -395,6 +395,21 @@ def test_a_body_that_the_hand_has_lost_unseen_is_not_held_any_more() -> None:
     assert all(np.isnan(tick.prior.X).all() for tick in ticks[onset + 1 :])
 
 
+def test_a_loss_that_is_hardly_likelier_than_none_is_not_for_good() -> None:
+    """Nothing is reported while it is; then the body is where the hand has carried it."""
+    scene = Scene(displacement=pull(), duration=6.0)
+    doubt = SlipBelief(log_odds=4.0)  # With the prior, a failure has p = 0.63.
+    doubted = run(scene, 0, vision=False, slip=lambda t: doubt if 3.0 <= t < 4.0 else NO_SLIP)
+    without = run(scene, 0, vision=False)
+    during = slice(round(3.0 * 15), round(4.0 * 15))
+    assert all(tick.body is None for tick in doubted[during])
+    assert doubted[during.start + 1].grasp.probabilities[GraspType.FAILED] == pytest.approx(
+        0.63, abs=0.05
+    )
+    assert doubted[during.stop + 1].grasp.probabilities[GraspType.FAILED] < 0.05
+    np.testing.assert_allclose(doubted[-1].body.motion.X, without[-1].body.motion.X, atol=2e-3)
+
+
 def test_a_lost_body_is_followed_as_long_as_it_is_seen() -> None:
     scene = Scene(displacement=pull(), dark_from=6.0, duration=8.0)
     ticks = run(scene, 0, vision=True, slip=lambda t: LOST if t >= 3.0 else NO_SLIP)

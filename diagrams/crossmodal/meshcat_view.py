@@ -226,7 +226,7 @@ class _Layer:
         self._sets += 1
         rest = np.ones(len(features.ids), dtype=bool)
         for body in bodies:
-            mine = np.isin(features.ids, body.feature_ids)
+            mine = np.isin(features.ids, body.assigned_ids)
             rest &= ~mine
             R, p = body.motion.X[:3, :3], body.motion.X[:3, 3]
             self._add_cloud(time, body.body_id, (features.p_WF[mine] - p) @ R)

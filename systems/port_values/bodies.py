@@ -71,7 +71,7 @@ class BodyMotion:
         body_id: `STATIC_BODY`, `HELD_BODY` or a number from 2 on.
         motion: Pose X_WB and velocity.
         X_WB_reference: X_WB (4, 4) at the reference, before the body moved.
-        feature_ids: (K,) features assigned to the body.
+        feature_ids: (K,) features with a landmark in the body.
         p_BF: Landmarks, the constant positions of these features in the body (K, 3), [m].
         p_BF_covariance: (3K, 3K), [m^2]: landmarks that were placed together are wrong together.
         correlated_covariance: (6, 6), in B, of that part of the pose's error that is correlated
@@ -85,6 +85,7 @@ class BodyMotion:
         reference_offset_covariance: (6, 6), in B, of the reference's own error since then; not
             included.
         is_seen: Whether it was measured at this tick; else it is predicted to have gone on.
+        assigned_ids: (L,) all features that move with it, those without a landmark too.
     """
 
     body_id: int
@@ -99,6 +100,7 @@ class BodyMotion:
     offset_covariance: Array = field(default_factory=lambda: np.zeros((6, 6)))
     reference_offset_covariance: Array = field(default_factory=lambda: np.zeros((6, 6)))
     is_seen: bool = True
+    assigned_ids: Ids = field(default_factory=lambda: np.zeros(0, np.int64))
 
 
 @dataclass(kw_only=True)

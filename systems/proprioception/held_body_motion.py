@@ -161,6 +161,7 @@ def body_motions(state: HeldBodyState) -> BodyMotions:
         rows, by_vision = sighting.rows, sighting.body
         seen = {
             "feature_ids": by_vision.feature_ids[rows],
+            "assigned_ids": by_vision.assigned_ids,
             "p_BF": by_vision.p_BF[rows],
             "p_BF_covariance": covariance_of(by_vision, rows),
             "seen": sighting.pose,

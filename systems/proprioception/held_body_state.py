@@ -53,8 +53,8 @@ class HeldBodyMotionConfig(Ticked):
     hinge_curvature: float = number(3.0, at_least=1e-6, at_most=1000.0, unit="rad/m")
     # Of the velocity, by slip and by the rate of bending.
     velocity_noise: float = number(4.0e-3, at_least=1e-9, at_most=100.0, unit="m/s")
-    # Least number of features that tell a pose.
-    minimum_features: int = number(8, at_least=3, at_most=10000)
+    # Least number of features that tell a pose: three, and one that may contradict.
+    minimum_features: int = number(4, at_least=3, at_most=10000)
     # Least share of them that agrees on one pose.
     inlier_share: float = number(0.5, above=0.0, at_most=1.0)
     # Common error of the landmarks.

@@ -79,6 +79,7 @@ def body_motion(body_id: int, X_WB: Array, X_WB_0: Array, feature_ids: Array) ->
         motion=MotionBelief(X=X_WB, V=np.zeros(6), covariance=1e-6 * np.eye(12)),
         X_WB_reference=X_WB_0,
         feature_ids=feature_ids.astype(np.int64),
+        assigned_ids=feature_ids.astype(np.int64),
         p_BF=np.zeros((count, 3)),
         p_BF_covariance=np.zeros((3 * count, 3 * count)),
     )

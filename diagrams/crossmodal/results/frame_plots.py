@@ -137,7 +137,7 @@ def _belief(joint: JointBelief | None, truth: Truth, time: float) -> str:
 
 def _owners(features: FeatureBelief, bodies: BodyMotions) -> list[int]:
     """The body of each feature."""
-    owner = {int(feature): body.body_id for body in bodies.bodies for feature in body.feature_ids}
+    owner = {int(feature): body.body_id for body in bodies.bodies for feature in body.assigned_ids}
     return [owner.get(int(feature), STATIC_BODY) for feature in features.ids]
 
 

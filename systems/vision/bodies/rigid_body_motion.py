@@ -6,7 +6,7 @@ import numpy as np
 from pydrake.systems.framework import Context, InputPort
 
 from crossmodal.maths import se3
-from crossmodal.maths.arrays import Array
+from crossmodal.maths.arrays import Array, Ids
 from crossmodal.maths.pinhole import Intrinsics, project
 from crossmodal.systems.port_values import (
     IN_PLACE,
@@ -165,8 +165,12 @@ def predicted_features(
     )
 
 
-def body_motion(body: TrackedBody, age: float) -> BodyMotion:
-    """What is reported of a body that stood at its reference `age` [s] ago."""
+def body_motion(body: TrackedBody, age: float, assigned: Ids) -> BodyMotion:
+    """What is reported of a body that stood at its reference `age` [s] ago.
+
+    Args:
+        assigned: All its features (L,).
+    """
     covariance = body.filter.P[:12, :12].copy()
     covariance[:6, :6] += body.offset
     return BodyMotion(
@@ -180,13 +184,20 @@ def body_motion(body: TrackedBody, age: float) -> BodyMotion:
         reset_count=body.reset_count,
         offset_covariance=body.offset,
         is_seen=body.unsupported == 0,
+        assigned_ids=assigned,
     )
 
 
 def body_motions(state: BodyTrackerState, period: float) -> BodyMotions:
+    history = state.history
     return BodyMotions(
         bodies=[
-            body_motion(body, period * (state.tick - body.reference_tick)) for body in state.bodies
+            body_motion(
+                body,
+                period * (state.tick - body.reference_tick),
+                history.ids[history.body == body.body_id],
+            )
+            for body in state.bodies
         ]
     )
 

@@ -1,7 +1,7 @@
 """The network of coupled filters: one factory, three wirings of the same systems."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
@@ -118,17 +118,11 @@ _FURNITURE = TypePriorsConfig(screw=0.02, rigid=0.4)  # Few of its joints are sc
 _HINGE_PITCH = 3e-3  # What errors that last make a hinge climb, [m/rad].
 
 
-def errors_of_vision() -> MeasurementErrorsConfig:
-    """Bodies followed by vision drift by a tenth of a millimetre or two for seconds."""
-    return MeasurementErrorsConfig(
-        correlated_rotation=1.5e-3, correlated_translation=1.5e-4, correlated_time=2.0
-    )
-
-
 def joints_of_furniture() -> KinematicModelConfig:
     """What an arm opens has its hinge within reach.
 
-    The hand pulls at what vision follows; unseen, a body's error is that of the hand.
+    Bodies that are followed by vision drift by a tenth of a millimetre or two for seconds. The hand
+    pulls at what it holds; unseen, that body's error is that of the hand.
     """
     return KinematicModelConfig(
         filters=JointFiltersConfig(
@@ -136,12 +130,15 @@ def joints_of_furniture() -> KinematicModelConfig:
             ranking_priors=_FURNITURE,
             hinge_pitch=_HINGE_PITCH,
             errors=MeasurementErrorsConfig(
-                correlated_rotation=3e-3,
-                correlated_translation=3e-4,
-                correlated_time=2.0,
-                declared_time=5.0,
+                correlated_rotation=1.5e-3, correlated_translation=1.5e-4, correlated_time=2.0
             ),
-        )
+        ),
+        held_errors=MeasurementErrorsConfig(
+            correlated_rotation=3e-3,
+            correlated_translation=3e-4,
+            correlated_time=2.0,
+            declared_time=5.0,
+        ),
     )
 
 
@@ -150,8 +147,7 @@ class PerceptionConfig:
     """One config per filter, and what they share.
 
     Attributes:
-        joints: Of all networks; the errors are those of bodies that the hand moves.
-        visual_errors: Of bodies that only vision follows, in the place of those.
+        joints: Of all networks.
         cut: Wires of `CROSSMODAL_CONNECTIONS` that the cross-modal network does without.
         hand: That holds the body.
     """
@@ -172,7 +168,6 @@ class PerceptionConfig:
     camera: CameraMotionConfig = field(default_factory=CameraMotionConfig)
     bodies: RigidBodyMotionConfig = field(default_factory=RigidBodyMotionConfig)
     joints: KinematicModelConfig = field(default_factory=joints_of_furniture)
-    visual_errors: MeasurementErrorsConfig = field(default_factory=errors_of_vision)
     joint_mechanics: JointMechanicsConfig = field(default_factory=JointMechanicsConfig)
 
 
@@ -201,8 +196,6 @@ def make_network(
     builder = DiagramBuilder()
     kinematics = config.joints
     if modality == "vision":
-        filters = replace(kinematics.filters, errors=config.visual_errors)
-        kinematics = with_shared(replace(kinematics, filters=filters), period=period)
         model = builder.AddNamedSystem("kinematic_model", KinematicModel(kinematics, inputs=1))
         bodies = _add_vision(builder, config, calibration, with_held_body=False)
         connect(builder, [(bodies, _BODIES, model, "body_motions")])

@@ -7,6 +7,7 @@ the parent too.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,7 +24,7 @@ from crossmodal.systems.kinematics.joint_pairs import (
     possible_pairs,
     scheduled_pairs,
 )
-from crossmodal.systems.kinematics.measurement_errors import EXACT
+from crossmodal.systems.kinematics.measurement_errors import EXACT, MeasurementErrorsConfig
 from crossmodal.systems.kinematics.pose_checks import SkipReason, covariance_fault, pose_fault
 from crossmodal.systems.kinematics.seen_body import (
     UNSEEN,
@@ -55,7 +56,8 @@ class KinematicModelConfig(Ticked):
     """Configuration of `KinematicModel`.
 
     Attributes:
-        filters: Of every pair.
+        filters: Of every pair; its errors are those of bodies that only the eye follows.
+        held_errors: Of the body in the hand.
         reference_age: How long before a body was first measured its reference may be.
         patience: How long a pair outlives its bodies' measurements.
         max_pairs: Most pairs that are updated in a tick. Those with the static environment always
@@ -69,6 +71,7 @@ class KinematicModelConfig(Ticked):
     """
 
     filters: JointFiltersConfig = field(default_factory=JointFiltersConfig)
+    held_errors: MeasurementErrorsConfig = field(default_factory=MeasurementErrorsConfig)
     reference_age: float = number(1.0, at_least=1e-3, at_most=3600.0, unit="s")
     patience: float = number(1.0, at_least=0.0, at_most=3600.0, unit="s")
     max_pairs: int = number(10, at_least=1, at_most=100)
@@ -104,6 +107,29 @@ class JointGraphState(Immutable):
 _MOVING = chi_square_gate(0.05, 6)  # Squared velocity by its covariance that a body at rest has.
 _ANEW = -1  # No count of resets: the next measurement's constant error is another one.
 EMPTY_GRAPH = JointGraphState(pairs={}, bodies={}, past={}, unseen={}, ticks=0)
+
+
+class PairFilters(NamedTuple):
+    """The joint filters of all pairs.
+
+    Attributes:
+        seen: Of what only the eye follows.
+        held: Of the body in the hand.
+    """
+
+    seen: JointFilters
+    held: JointFilters
+
+    def of(self, pair: Pair, seen: SeenBody) -> JointFilters:
+        """Those of a pair, by whose errors its poses have."""
+        is_held = pair[1] == HELD_BODY and (not seen.is_followed or pair[0] == seen.body_id)
+        return self.held if is_held else self.seen
+
+
+def pair_filters(config: KinematicModelConfig, owner: str) -> PairFilters:
+    """The filters of a configuration; `owner` is named in errors about it."""
+    held = replace(config.filters, errors=config.held_errors)
+    return PairFilters(seen=JointFilters(config.filters, owner), held=JointFilters(held, owner))
 
 
 def body_fault(body: BodyMotion) -> SkipReason | None:
@@ -193,7 +219,7 @@ def resting_parents(
 def recognised(
     graph: JointGraphState,
     bodies: Mapping[int, BodyMotion],
-    filters: JointFilters,
+    filters: PairFilters,
     config: KinematicModelConfig,
 ) -> JointGraphState:
     """The graph before this tick's update, with what vision knew of the body that the hand holds.
@@ -211,7 +237,7 @@ def recognised(
         known = [child for parent, child in graph.pairs if parent == STATIC_BODY]
         seen = find_seen(held, bodies, known, config.transfer_window)
         graph = replace(graph, seen=seen)
-        return graph if seen.body_id == STATIC_BODY else _handed_over(graph, bodies, filters)
+        return graph if seen.body_id == STATIC_BODY else _handed_over(graph, bodies, filters.seen)
     if not seen.is_followed:
         return graph
     own = {pair: state for pair, state in graph.pairs.items() if pair[1] == HELD_BODY}
@@ -285,7 +311,7 @@ def _update_pair(
 def update_graph(
     graph: JointGraphState,
     bodies: dict[int, BodyMotion],
-    filters: JointFilters,
+    filters: PairFilters,
     config: KinematicModelConfig,
     faults: Mapping[int, SkipReason] | None = None,
 ) -> JointGraphState:
@@ -314,7 +340,7 @@ def update_graph(
     for pair in sorted({*possible, *graph.pairs}):
         measured = present if pair[0] == graph.seen.body_id else described
         if pair in scheduled and pair[1] in measured:
-            state = _update_pair(pair, graph, measured, filters, config)
+            state = _update_pair(pair, graph, measured, filters.of(pair, graph.seen), config)
         else:
             state = graph.pairs.get(pair)
             is_followed = set(pair) <= {STATIC_BODY, *followed, *resting}

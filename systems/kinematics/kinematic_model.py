@@ -5,12 +5,12 @@ from functools import partial
 from pydrake.systems.framework import Context
 
 from crossmodal.maths.validation import check
-from crossmodal.systems.kinematics.joint_filters import JointFilters
 from crossmodal.systems.kinematics.joint_graph import (
     EMPTY_GRAPH,
     JointGraphState,
     KinematicModelConfig,
     merge_bodies,
+    pair_filters,
     predict_bodies,
     update_graph,
 )
@@ -71,10 +71,10 @@ class KinematicModel(RecursiveFilter):
         if inputs < 1:
             raise ValueError(f"KinematicModel: inputs = {inputs!r}, need >= 1")
         self._config = config
-        self._filters = JointFilters(config.filters, owner="KinematicModel")
+        self._filters = pair_filters(config, owner="KinematicModel")
         names = ["body_motions"] + [f"body_motions_{i}" for i in range(1, inputs)]
         self._bodies = [self._declare_value_input(name, BodyMotions()) for name in names]
-        predict = partial(predict_bodies, filters=self._filters, config=config)
+        predict = partial(predict_bodies, filters=self._filters.seen, config=config)
         self._declare_recursion(EMPTY_GRAPH, self._calc_graph, config.period)
         self._declare_estimated("joints_estimated", self._beliefs)
         self._declare_latest("joints_latest", self._beliefs)
@@ -92,4 +92,5 @@ class KinematicModel(RecursiveFilter):
 
     def _beliefs(self, graph: JointGraphState) -> JointBeliefs:
         now = graph.ticks * self._config.period
-        return JointBeliefs(joints=[self._filters.belief(s, now) for s in graph.pairs.values()])
+        belief = self._filters.seen.belief
+        return JointBeliefs(joints=[belief(state, now) for state in graph.pairs.values()])

@@ -68,7 +68,7 @@ def test_a_body_that_is_seen_when_it_moves_already_is_as_far_as_it_was_carried(
     errors = MeasurementErrorsConfig(
         correlated_rotation=3e-3, correlated_translation=3e-4, declared_time=5.0
     )
-    model = KinematicModel(KinematicModelConfig(filters=JointFiltersConfig(errors=errors)))
+    model = KinematicModel(KinematicModelConfig(held_errors=errors))
     driver, lit = Driver(model), 14
     X_WA = np.eye(4)
     X_WA[:3, 3] = [0.5, 0.35, 0.0]  # The hinge, beside the handle.

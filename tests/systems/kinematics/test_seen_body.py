@@ -37,7 +37,7 @@ def _model() -> KinematicModel:
     errors = MeasurementErrorsConfig(
         correlated_rotation=3e-3, correlated_translation=3e-4, declared_time=5.0
     )
-    return KinematicModel(KinematicModelConfig(filters=JointFiltersConfig(errors=errors)))
+    return KinematicModel(KinematicModelConfig(held_errors=errors))
 
 
 def _moved(joint: JointType, way: float) -> Array:

@@ -26,10 +26,10 @@ from crossmodal.diagrams.joints.joint_palette import JOINT
 from crossmodal.diagrams.run.record import Picture
 
 SCENARIO = "drawer-lights-off"
-CHANGES = ["seed=7", "duration=15.4"]  # So short that a picture is kept every half second.
+CHANGES = ["seed=7", "duration=15.4"]  # So short that a picture is kept every second.
 FIRST = 4.0  # Before it only the arm moves, [s].
 DARK = "#DDDDDD"
-FRAME, LAST = 160, 2500  # How long they are shown, [ms].
+FRAME, LAST = 320, 2500  # How long they are shown, [ms].
 
 
 def draw(episode: JointEpisode, picture: Picture) -> Image.Image:

@@ -24,9 +24,9 @@ The filters work without Drake:
     belief = filters.belief(state)
     print(belief.type, belief.probabilities[belief.type], belief.model.configuration)
 
-`start` takes the first pose as the reference, where the configuration is zero. A state is never
-changed in place. `predict` is where a model expects the child next; `rebase` goes on when the
-child's pose has got a constant error.
+`start` takes the first pose as the reference, where the configuration is zero; `count_from` puts
+the zero elsewhere. A state is never changed in place. `predict` is where a model expects the child
+next; `rebase` goes on when the child's pose has got a constant error.
 
 A measurement that cannot be true, as with NaN, a covariance that is none or a time before the last,
 is skipped: the state stays as it was, and `skipped` of state and belief counts it by its reason.

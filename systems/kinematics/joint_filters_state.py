@@ -41,7 +41,7 @@ from crossmodal.systems.kinematics.solver.joint_models import (
     Models,
     initial_models,
 )
-from crossmodal.systems.kinematics.solver.joint_readout import count_from
+from crossmodal.systems.kinematics.solver.joint_readout import counted_from
 from crossmodal.systems.kinematics.solver.joint_solver import Priors
 from crossmodal.systems.kinematics.solver.joint_start import keep_axes
 from crossmodal.systems.kinematics.solver.parameter_priors import WIDEST, may_be_far
@@ -293,7 +293,7 @@ def rebased_state(
     keyframes.outliers[:] = state.keyframes.outliers
     append(keyframes, state.X_FZ, R, state.zero_time, _NO_OUTLIERS)
     far = config.far_axes and may_be_far(state.keyframes)
-    counted = count_from(state.models, state.X_FZ, state.W_zero)
+    counted = counted_from(state.models, state.X_FZ, state.W_zero)
     models = keep_axes(counted, config.axis_distance, far)
     models.P[:, 1, 1] = _rate_variance(config)
     return replace(

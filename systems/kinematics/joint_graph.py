@@ -104,8 +104,10 @@ class JointGraphState(Immutable):
     health: StreamHealth = HEALTHY
 
 
-_MOVING = chi_square_gate(0.05, 6)  # Squared velocity by its covariance that a body at rest has.
-_ANEW = -1  # No count of resets: the next measurement's constant error is another one.
+# Squared velocity, by its covariance, that one body at rest in twenty exceeds.
+_MOVING = chi_square_gate(0.05, 6)
+# No body's count of resets, so that the next pose is taken to have another constant error.
+_ANEW = -1
 EMPTY_GRAPH = JointGraphState(pairs={}, bodies={}, past={}, unseen={}, ticks=0)
 
 
@@ -121,7 +123,7 @@ class PairFilters(NamedTuple):
     held: JointFilters
 
     def of(self, pair: Pair, seen: SeenBody) -> JointFilters:
-        """Those of a pair, by whose errors its poses have."""
+        """Those that expect the errors which a pair's poses have."""
         is_held = pair[1] == HELD_BODY and (not seen.is_followed or pair[0] == seen.body_id)
         return self.held if is_held else self.seen
 
@@ -230,7 +232,7 @@ def recognised(
     the held one or has lost it, only the held one measures its joints.
     """
     seen = graph.seen
-    if HELD_BODY not in bodies:
+    if HELD_BODY not in bodies or not bodies[HELD_BODY].is_seen:
         return graph
     held = bodies[HELD_BODY]
     if HELD_BODY not in graph.bodies:
@@ -318,8 +320,8 @@ def update_graph(
     """The graph one tick later.
 
     Args:
-        bodies: At this tick, by id; those that are not seen are none to measure joints by, and keep
-            theirs.
+        bodies: At this tick, by id. One that is not seen measures no joint, but its joints stay for
+            as long as it is followed.
         faults: Of bodies that were left out, by id.
     """
     faults = faults or {}

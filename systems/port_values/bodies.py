@@ -84,7 +84,8 @@ class BodyMotion:
             of what the held body's landmarks have in common. Included in the motion's covariance.
         reference_offset_covariance: (6, 6), in B, of the reference's own error since then; not
             included.
-        is_seen: Whether it was measured at this tick; else it is predicted to have gone on.
+        is_seen: Whether it was measured at this tick, by the eye or by the hand that holds it; else
+            it is predicted to have gone on.
         assigned_ids: (L,) all features that move with it, those without a landmark too.
     """
 

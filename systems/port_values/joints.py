@@ -35,7 +35,8 @@ class JointModelBelief:
         axis_covariance: (3, 3), rank 2, of the unit axis, [rad^2].
         p_PA: The point (3,) of a revolute or screw axis nearest to the child at the reference, [m].
         p_PA_covariance: (3, 3), [m^2].
-        configuration: (q, qdot), [m or rad, per s]; q is zero at the reference.
+        configuration: (q, qdot), [m or rad, per s]; q is zero at the reference, that of the body in
+            the hand where the hand closed.
         configuration_covariance: (2, 2).
         pitch: By how much a screw moves along its axis, [m/rad].
         pitch_variance: [m^2/rad^2].

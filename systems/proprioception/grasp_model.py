@@ -259,7 +259,7 @@ class GraspModel(RecursiveFilter):
         motions = self._read_optional(self._bodies, context)
         slip = self._read_optional(self._slip, context) or NO_SLIP
         body = None if motions is None else motions.find(HELD_BODY)
-        if not isinstance(body, HeldBody):
+        if not isinstance(body, HeldBody) or not body.is_seen:
             return doubt(state, slip, self._config)
         end_effector = self._read(self._end_effector, context)
         hand = bent_hand(end_effector, self._read(self._bending, context))

@@ -122,7 +122,7 @@ class HeldBodyState(Immutable):
         body: None while the hand is open, while nobody knows where it is, and once it has lost what
             it held.
         sighting: What corrected it at this tick, if anything.
-        is_doubted: Whether it has more likely been lost than not; then nothing is reported of it.
+        is_doubted: Whether it has more likely been lost than not; then it measures nothing.
         lost: Whether the hand has lost what it held, for certain, since it closed.
         waited: For how long the hand has been closed without a body, [s].
         slip_odds: What load and pressures have said of a slip, [nat].
@@ -151,7 +151,7 @@ def loss_odds(grasp: GraspBelief, slip_before: float, slip: float) -> float:
 def body_motions(state: HeldBodyState) -> BodyMotions:
     """The port value of a state."""
     body, sighting = state.body, state.sighting
-    if body is None or state.is_doubted:
+    if body is None:
         return BodyMotions()
     covariance = np.zeros((12, 12))
     covariance[:6, :6] = body.pose.covariance
@@ -178,6 +178,7 @@ def body_motions(state: HeldBodyState) -> BodyMotions:
                 offset_covariance=body.constant,
                 reference_offset_covariance=body.reference_offset,
                 reference_delay=body.reference_delay,
+                is_seen=not state.is_doubted,
                 **seen,
             )
         ]
@@ -191,8 +192,9 @@ class HeldBodyMotion(RecursiveFilter):
     X_WB(t) = X_WH exp((I - N) log(X_WH^-1 X_WH(t))) X_WH^-1 X_WB, with X_WH = X_WE X_EH at t-1 and
     the grasp's free motion N. Only displacements enter, so a constant offset of the end-effector
     turns the path by its rotation and otherwise cancels. Without vision the prediction is the
-    belief. Once the grasp is believed to have failed and the body is not seen, nothing is held any
-    more, until the hand opens and closes again. With `corrected_by_vision`, the features that
+    belief. Once the grasp is believed to have failed and the body is not seen, where it would be is
+    no measurement any more (`BodyMotion.is_seen`), and from `GraspFailureConfig.certain` on nothing
+    is held, until the hand opens and closes again. With `corrected_by_vision`, the features that
     rigid-body motion has assigned to the body are registered to their positions in it and correct
     pose and constants; whenever there are too few of them (darkness), the prediction goes on from
     the last posterior.

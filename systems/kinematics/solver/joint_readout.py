@@ -20,8 +20,8 @@ from crossmodal.systems.kinematics.solver.joint_geometry import (
 )
 from crossmodal.systems.kinematics.solver.joint_models import AXIS_SPREAD, Models
 
-_STEPS = 20  # Most of Newton's that look for the nearest point of a path,
-_NEAR = 1e-9  # up to which they do, [m or rad].
+_STEPS = 20  # Most Newton steps to the nearest point of a path.
+_NEAR = 1e-9  # Size of the last of them, [m or rad].
 
 
 @hot
@@ -68,7 +68,7 @@ def _zero(kind: int, m: Models, X_FZ: Array, W: Array, k: Array, J: Array) -> fl
     return q
 
 
-def count_from(m: Models, X_FZ: Array, W: Array) -> Models:
+def counted_from(m: Models, X_FZ: Array, W: Array) -> Models:
     """The models with the reference, Y and q = 0, where their paths are nearest to X_FZ (4, 4).
 
     Args:

@@ -173,6 +173,20 @@ def test_a_joint_outlives_the_sight_of_its_parent_which_is_taken_to_rest() -> No
             assert variance[0] > 2.0 * variance[1]
 
 
+def test_a_parent_that_moved_when_it_was_lost_is_not_taken_to_rest() -> None:
+    driver = Driver(KinematicModel(KinematicModelConfig()))
+    for k in range(1, 80):
+        lid, box = _lid(k, seed=k)
+        box.motion.V[3] = 0.1  # Ten times its deviation.
+        driver.set(*([lid, box] if k >= 55 else [lid]))
+        driver.tick()
+    updates = next(j for j in driver.joints().joints if j.parent_id == 2).updates
+    for k in range(80, 90):
+        driver.set(_lid(k, seed=k)[0])
+        driver.tick()
+    assert next(j for j in driver.joints().joints if j.parent_id == 2).updates == updates
+
+
 def test_the_bodies_that_the_joints_know_are_handed_on_for_as_long_as_the_joints() -> None:
     driver = Driver(KinematicModel(KinematicModelConfig(patience=0.2)))
     driver.set(sliding_body(2, 0.1), sliding_body(5, 0.0))

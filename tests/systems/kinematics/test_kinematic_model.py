@@ -100,6 +100,20 @@ def test_a_body_that_is_seen_when_it_moves_already_is_as_far_as_it_was_carried(
     assert std < (3e-3 if joint == JointType.PRISMATIC else 0.05)
 
 
+def test_a_body_that_the_hand_seemed_to_have_lost_counts_from_where_the_hand_closed() -> None:
+    """For two seconds it measures nothing, longer than the model's patience."""
+    driver = Driver(KinematicModel(KinematicModelConfig()))
+    for k in range(91):
+        body = sliding_body(HELD_BODY, 0.002 * max(k - 15, 0), 0.03, seed=k)
+        body.is_seen = not 30 <= k < 60
+        driver.set(body)
+        driver.tick()
+    joint = driver.joints().joints[0]
+    assert joint.updates == 61
+    model = joint.models[JointType.PRISMATIC]
+    assert abs(model.configuration[0]) == pytest.approx(0.15, abs=2e-3)
+
+
 def test_an_error_that_all_ticks_share_is_not_averaged_away() -> None:
     """The landmarks of a held body are 2 mm off along its way from its second tick on."""
     constant = np.diag(np.repeat([1e-6, 4e-6], 3))

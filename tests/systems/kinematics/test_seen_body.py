@@ -176,7 +176,8 @@ def test_the_nearest_body_is_held_and_none_that_rested_long_ago() -> None:
     joint = JointType.PRISMATIC
     driver = _after_closing(joint, (3, _FAR))
     assert {(j.parent_id, j.child_id) for j in driver.joints().joints} >= {(0, 1), (3, 1)}
-    assert_allclose(_joint_of_held(driver, 3).updates, _CLOSED - 1, atol=1)
+    # With the other one, too, it goes on with what was seen.
+    assert _joint_of_held(driver, 3).updates == _CLOSED
 
     late = Driver(_model())
     for k in range(1, _CLOSED + 1):

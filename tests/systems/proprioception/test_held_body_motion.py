@@ -34,7 +34,7 @@ from crossmodal.systems.proprioception.held_body_filter import (
     reset_body,
     start_body,
 )
-from crossmodal.systems.proprioception.held_body_motion import HeldBodyMotion
+from crossmodal.systems.proprioception.held_body_motion import HeldBodyMotion, sight
 from crossmodal.systems.proprioception.held_body_state import (
     BodyState,
     HeldBodyMotionConfig,
@@ -396,13 +396,15 @@ def test_a_body_that_the_hand_has_lost_unseen_is_not_held_any_more() -> None:
 
 
 def test_a_loss_that_is_hardly_likelier_than_none_is_not_for_good() -> None:
-    """Nothing is reported while it is; then the body is where the hand has carried it."""
+    """It measures nothing while it is; then the body is where the hand has carried it."""
     scene = Scene(displacement=pull(), duration=6.0)
     doubt = SlipBelief(log_odds=4.0)  # With the prior, a failure has p = 0.63.
     doubted = run(scene, 0, vision=False, slip=lambda t: doubt if 3.0 <= t < 4.0 else NO_SLIP)
     without = run(scene, 0, vision=False)
     during = slice(round(3.0 * 15), round(4.0 * 15))
-    assert all(tick.body is None for tick in doubted[during])
+    assert [tick.body.is_seen for tick in doubted] == [
+        not during.start <= k < during.stop for k in range(len(doubted))
+    ]
     assert doubted[during.start + 1].grasp.probabilities[GraspType.FAILED] == pytest.approx(
         0.63, abs=0.05
     )
@@ -410,11 +412,26 @@ def test_a_loss_that_is_hardly_likelier_than_none_is_not_for_good() -> None:
     np.testing.assert_allclose(doubted[-1].body.motion.X, without[-1].body.motion.X, atol=2e-3)
 
 
+@pytest.mark.parametrize("count", [3, 4])
+def test_few_features_that_agree_correct_the_body(count: int) -> None:
+    """Three determine a pose, and a fourth could contradict it."""
+    episode = Episode(Scene(displacement=pull(), duration=6.0), 0)
+    features, motions = episode.vision(2.0)
+    few = replace(
+        features,
+        **{name: getattr(features, name)[:count] for name in ("ids", "uv", "p_WF", "age")},
+        covariance=features.covariance[:count],
+    )
+    found = sight(episode.X_WB(2.0), few, motions, HeldBodyMotionConfig())
+    assert (found is not None) == (count == 4)
+
+
 def test_a_lost_body_is_followed_as_long_as_it_is_seen() -> None:
     scene = Scene(displacement=pull(), dark_from=6.0, duration=8.0)
     ticks = run(scene, 0, vision=True, slip=lambda t: LOST if t >= 3.0 else NO_SLIP)
     assert ticks[round(5.9 * 15)].body.seen is not None
-    assert ticks[-1].body is None
+    assert ticks[round(5.9 * 15)].body.is_seen
+    assert not ticks[-1].body.is_seen  # What the eye has said counts for less in the dark.
 
 
 def test_a_shift_in_the_fingers_makes_the_pose_as_uncertain_as_it_is_large() -> None:

@@ -240,6 +240,7 @@ def test_without_features_a_body_coasts_with_growing_doubt_and_is_then_given_up(
     alive = [k for k, m in enumerate(motions) if m]
     config = RigidBodyMotionConfig()
     assert alive[-1] == dark + whole_ticks(config.patience, config.period) - 1
+    assert [motions[k][0].is_seen for k in alive] == [k < dark for k in alive]
     deviations = [np.sqrt(np.trace(motions[k][0].motion.covariance[:6, :6])) for k in alive]
     assert np.all(np.diff(deviations[alive.index(dark) - 1 :]) > 0)
     last = motions[alive[-1]][0]

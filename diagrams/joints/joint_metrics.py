@@ -207,24 +207,18 @@ def opening_at(times: Array, truth: Truth) -> Array:
     return np.interp(times, truth.times, truth.opening())
 
 
-def travel_at_grasp(time: float, truth: Truth) -> float:
-    """True travel where the body in the hand was grasped, [m or rad]: zero but after a lost grasp.
+def travel_at_reference(joint: JointBelief, time: float, truth: Truth) -> float:
+    """True travel from the grasp to where a belief's configuration is zero, [m or rad].
 
-    Perception begins anew with another grasp, so only what it says since then is judged.
+    Where the belief does not say when that was, it is where the body was grasped last; without the
+    truth it is zero.
     """
-    if not truth.regrasp_times:
+    if len(truth.times) == 0:
         return 0.0
-    return float(opening_at(np.array([truth.last_grasp(time)]), truth)[0])
-
-
-def travel_before_grasp(truth: Truth) -> float:
-    """How far closing the hand has nudged the joint, [m or rad].
-
-    The configuration of a body that vision found is zero where it rested before anything moved it,
-    that of the body in the hand where it was when the hand had closed.
-    """
-    opening = truth.opening()
-    return -float(opening[0]) if len(opening) else 0.0
+    stood = time - joint.reference_age
+    if math.isnan(stood):
+        stood = truth.last_grasp(time)
+    return float(opening_at(np.array([stood]), truth)[0])
 
 
 def configuration_since_grasp(joint: JointBelief, truth: Truth, time: float) -> float:
@@ -234,14 +228,13 @@ def configuration_since_grasp(joint: JointBelief, truth: Truth, time: float) -> 
     that are only seen carries the other is a convention: `KinematicModel` goes by which was found
     first. Their configuration counts the way that fits the truth.
     """
-    held = is_held(joint)
-    start = travel_at_grasp(time, truth) if held else -travel_before_grasp(truth)
+    start = travel_at_reference(joint, time, truth)
     if joint.type == JointType.RIGID:
         return start
     if joint.type == JointType.DISCONNECTED:
         return math.nan
     q = axis_sign(joint.model.axis_P, truth.axis_W) * float(joint.model.configuration[0])
-    if truth.parent_moves and not held:
+    if truth.parent_moves and not is_held(joint):
         true = float(opening_at(np.array([time]), truth)[0]) - start
         q = min(q, -q, key=lambda value: abs(value - true))
     return start + q

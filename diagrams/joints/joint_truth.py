@@ -176,8 +176,8 @@ class Truth(JointTruth):
         times: Instants of the network's ticks (T,), [s].
         configuration: The joint's position q (T,), [m or rad].
         X_WB: Pose (T, 4, 4) of the moved body.
-        grasp_time: The instant the hand was closed, [s]; estimated configurations count from here.
-        regrasp_times: When it was closed again after a lost grasp, [s]; then they count from there.
+        grasp_time: The instant the hand was closed, [s].
+        regrasp_times: When it was closed again after a lost grasp, [s].
         mechanics: What the joint takes to move, and its range in its own position.
     """
 
@@ -211,9 +211,9 @@ def add_tick(station: list[Tick], tick: Tick) -> None:
     """Adds a tick to those from which `truth_of_ticks` says what is true at the newest one.
 
     Between two changes of the grasp only the newest tick stays, so that the list does not grow with
-    the episode.
+    the episode. Before the first grasp all do: configurations count from then.
     """
-    if len(station) > 1 and _holds(station[-1]) == _holds(station[-2]):
+    if any(map(_holds, station)) and _holds(station[-1]) == _holds(station[-2]):
         station.pop()
     station.append(tick)
 

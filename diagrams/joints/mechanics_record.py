@@ -9,7 +9,7 @@ import numpy as np
 
 from crossmodal.diagrams.drawing.digits import written
 from crossmodal.diagrams.evaluation.estimates import Row, scalar
-from crossmodal.diagrams.joints.joint_metrics import JointSeries, axis_sign, travel_at_grasp
+from crossmodal.diagrams.joints.joint_metrics import JointSeries, axis_sign, travel_at_reference
 from crossmodal.diagrams.joints.joint_truth import Truth
 from crossmodal.diagrams.run.record import Tick
 from crossmodal.systems.port_values import (
@@ -76,7 +76,7 @@ def mechanics_at(tick: Tick, series: JointSeries, k: int, truth: Truth) -> TickM
     if belief is None:
         return None
     sign = axis_sign(joint.model.axis_P, truth.axis_W)
-    offset = travel_at_grasp(series.times[k], truth)
+    offset = travel_at_reference(joint, series.times[k], truth)
     lower, upper = (belief.lower, belief.upper) if sign > 0 else (belief.upper, belief.lower)
     return TickMechanics(
         joint_type=joint.type,

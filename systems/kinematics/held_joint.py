@@ -156,7 +156,8 @@ class HeldJoint(LeafSystem):
             if parent is None:
                 return np.full(8, np.nan)
             S_W = se3.adjoint(parent.motion.X) @ S_W
-        return np.concatenate([S_W, joint.model.configuration])
+        q, rate = joint.model.configuration
+        return np.array([*S_W, q - joint.model.grasp_configuration, rate])
 
     def _calc_end_effector(self, context: Context, output: BasicVector) -> None:
         S_W = self._joint(context)[:6]

@@ -24,9 +24,9 @@ The filters work without Drake:
     belief = filters.belief(state)
     print(belief.type, belief.probabilities[belief.type], belief.model.configuration)
 
-`start` takes the first pose as the reference, where the configuration is zero; `count_from` puts
-the zero elsewhere. A state is never changed in place. `predict` is where a model expects the child
-next; `rebase` goes on when the child's pose has got a constant error.
+`start` takes the first pose as the reference, where the configuration is zero. A state is never
+changed in place. `predict` is where a model expects the child next; `rebase` goes on when the
+child's pose has got a constant error.
 
 A measurement that cannot be true, as with NaN, a covariance that is none or a time before the last,
 is skipped: the state stays as it was, and `skipped` of state and belief counts it by its reason.
@@ -111,6 +111,7 @@ from crossmodal.systems.kinematics.solver.joint_geometry import (
 )
 from crossmodal.systems.kinematics.solver.joint_models import Models
 from crossmodal.systems.kinematics.solver.joint_readout import (
+    nearest,
     predict_pose,
     predicted_configuration,
     read_moving,
@@ -229,37 +230,6 @@ class JointFilters:
             raise ValueError(f"{owner}: {fault}")
         rebased = rebased_state(state, float(time), offset, reference_error, self.config)
         return self._with_probabilities(rebased)
-
-    def count_from(
-        self, state: JointFiltersState, X_PB: Array, covariance: Array
-    ) -> JointFiltersState:
-        """The same state, with configurations that count from where the child is.
-
-        What is known of the joint stays. By each type, that point of the path has q = 0 which is
-        nearest to the pose.
-
-        Args:
-            state: Not changed.
-            X_PB: Measured pose (4, 4) of the child from which q counts.
-            covariance: Of that measurement (6, 6), in B.
-
-        Raises:
-            ValueError: for arrays of other shapes, and for what cannot be true.
-        """
-        owner = f"{self._owner}.count_from"
-        X_PB = pose_array(X_PB, "X_PB", owner)
-        covariance = covariance_array(covariance, "covariance", owner)
-        if fault := pose_fault(X_PB) or covariance_fault(covariance):
-            raise ValueError(f"{owner}: {fault}")
-        noise = finite(covariance) + EXACT
-        return replace(
-            state,
-            X_FZ=se3.inverse(state.X_PF) @ X_PB,
-            zero_time=state.time + state.clock,
-            zero_noise=noise,
-            W_zero=np.asarray(np.linalg.inv(noise)),
-            zero_variance=np.zeros_like(state.zero_variance),
-        )
 
     def update(
         self,
@@ -469,7 +439,35 @@ class JointFilters:
             updates=state.updates,
             skipped={str(reason): count for reason, count in state.skipped.items()},
             fit=state.fit,
+            reference_age=dt + state.time + state.clock - state.zero_time,
         )
+
+    def configuration_at(
+        self, state: JointFiltersState, joint_type: JointType, X_PB: Array, covariance: Array
+    ) -> float:
+        """The configuration at that point of a type's path which is nearest to a pose.
+
+        It counts as that of the belief, from the reference, [m or rad].
+
+        Args:
+            joint_type: One that moves.
+            X_PB: Pose (4, 4) of the child.
+            covariance: Of it (6, 6), in B: by what is near measured.
+
+        Raises:
+            ValueError: for arrays of other shapes, and for what cannot be true.
+        """
+        owner = f"{self._owner}.configuration_at"
+        X_PB = pose_array(X_PB, "X_PB", owner)
+        covariance = covariance_array(covariance, "covariance", owner)
+        if fault := pose_fault(X_PB) or covariance_fault(covariance):
+            raise ValueError(f"{owner}: {fault}")
+        W = np.asarray(np.linalg.inv(finite(covariance) + EXACT))
+        kind, m, by = TYPES.index(joint_type), state.models, np.empty(6)
+        q = nearest(kind, m, se3.inverse(state.X_PF) @ X_PB, W, by)
+        if state.W_zero[0, 0] > 0.0:
+            q -= nearest(kind, m, np.eye(4), state.W_zero, by)
+        return q
 
     def predict(self, state: JointFiltersState, joint_type: JointType, dt: float) -> PoseBelief:
         """Where one model expects the child `dt` [s] after the last measurement: X_PB, in B."""
@@ -537,16 +535,15 @@ def _moving_joint(
         state.covariance[kind] if state.keyframes.wander[0] > 0.0 else m.covariance[kind],
         state.X_PF,
         config.axis_distance,
-        state.X_FZ,
         state.W_zero,
-        state.zero_noise + state.offset,
+        state.reference_noise + state.offset,
         float(state.zero_variance[kind]),
         S,
         dt,
     )
-    pitch, pitch_variance = np.nan, np.nan
+    pitch = np.full((1, 3), np.nan)
     if kind == SCREW:
-        pitch, pitch_variance = pitch_posterior(m.pitch[kind], state.covariance[kind, 10, 10])
+        pitch = pitch_posterior(m.pitch[kind], state.covariance[kind, 10, 10])
     return JointModelBelief(
         log_evidence=float(state.models.log_evidence[kind]),
         axis_P=vectors[0],
@@ -555,6 +552,5 @@ def _moving_joint(
         p_PA_covariance=point,
         configuration=configuration,
         configuration_covariance=covariance,
-        pitch=pitch,
-        pitch_variance=pitch_variance,
+        pitch_mixture=pitch,
     )

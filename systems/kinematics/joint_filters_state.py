@@ -41,7 +41,6 @@ from crossmodal.systems.kinematics.solver.joint_models import (
     Models,
     initial_models,
 )
-from crossmodal.systems.kinematics.solver.joint_readout import counted_from
 from crossmodal.systems.kinematics.solver.joint_solver import Priors
 from crossmodal.systems.kinematics.solver.joint_start import keep_axes
 from crossmodal.systems.kinematics.solver.parameter_priors import WIDEST, may_be_far
@@ -80,10 +79,9 @@ class JointFiltersState(Immutable):
         wander: The likeliest smooth error of the rotations; `NONE` if nobody has looked.
         wander_gain: See `type_evidence`.
         covariance: (J, N, N) of each model's theta, deviations smooth or independent.
-        X_FZ: Measured pose (4, 4) of the child from which q counts; identity at the reference.
-        zero_time: When that was, by the keyframes' clock, [s].
-        zero_noise: Covariance (6, 6), in B, of that measurement.
         W_zero: See `read_configuration`.
+        reference_noise: Covariance (6, 6), in B, of the measured reference.
+        zero_time: When q was zero, by the keyframes' clock, [s].
         offset: Covariance (6, 6), in B, of the poses' constant error; not in the keyframes' noise.
         zero_variance: (4,) by how far the child may have moved before the reference, and by how
             many turns while nothing was measured, by each model of a joint.
@@ -100,10 +98,9 @@ class JointFiltersState(Immutable):
     keyframes: Keyframes
     noise: MeasurementNoise
     covariance: Array
-    X_FZ: Array
-    zero_time: float
-    zero_noise: Array
     W_zero: Array
+    reference_noise: Array
+    zero_time: float
     zero_variance: Array
     clock: float = 0.0
     suspect: float = np.nan
@@ -268,10 +265,9 @@ def initial_state(
         keyframes=keyframes,
         noise=scale,
         covariance=models.covariance,
-        X_FZ=np.eye(4),
-        zero_time=time,
-        zero_noise=noise,
         W_zero=np.asarray(np.linalg.inv(R)) if error.any() else np.zeros((6, 6)),
+        reference_noise=noise,
+        zero_time=time - delay,
         zero_variance=models.P[:, 1, 1] * delay**2,
     )
 
@@ -287,14 +283,13 @@ def rebased_state(
 
     The probabilities are still those of before.
     """
-    noise = state.zero_noise * np.outer(state.scale, state.scale)
+    noise = state.reference_noise * np.outer(state.scale, state.scale)
     R = noise + offset + reference_error
     keyframes = empty_keyframes(config.memory)
     keyframes.outliers[:] = state.keyframes.outliers
-    append(keyframes, state.X_FZ, R, state.zero_time, _NO_OUTLIERS)
+    append(keyframes, np.eye(4), R, float(state.keyframes.time[0]), _NO_OUTLIERS)
     far = config.far_axes and may_be_far(state.keyframes)
-    counted = counted_from(state.models, state.X_FZ, state.W_zero)
-    models = keep_axes(counted, config.axis_distance, far)
+    models = keep_axes(state.models, config.axis_distance, far)
     models.P[:, 1, 1] = _rate_variance(config)
     return replace(
         state,

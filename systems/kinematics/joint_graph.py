@@ -92,6 +92,8 @@ class JointGraphState(Immutable):
         ticks: Number of this tick, from one on.
         seen: Which body of vision's the one in the hand is; joints of the held body, other than
             that with the seen one, are of the seen one's frame.
+        closed_at: X_PB of the held body where the hand closed, by its parent; of those joints that
+            it has taken over.
         health: Of the bodies' poses at this tick.
     """
 
@@ -101,6 +103,7 @@ class JointGraphState(Immutable):
     unseen: dict[int, int]
     ticks: int
     seen: SeenBody = UNSEEN
+    closed_at: dict[int, PoseBelief] = field(default_factory=dict)
     health: StreamHealth = HEALTHY
 
 
@@ -226,8 +229,8 @@ def recognised(
 ) -> JointGraphState:
     """The graph before this tick's update, with what vision knew of the body that the hand holds.
 
-    When the hand has closed, the held body takes over the joints of the body that it is, and their
-    configurations count from there. Where the two turn out not to move alike, the held body's
+    When the hand has closed, the held body takes over the joints of the body that it is, whose
+    configurations count from before. Where the two turn out not to move alike, the held body's
     joints begin anew. Once vision has no such body any more, since it has been told that this is
     the held one or has lost it, only the held one measures its joints.
     """
@@ -238,8 +241,8 @@ def recognised(
     if HELD_BODY not in graph.bodies:
         known = [child for parent, child in graph.pairs if parent == STATIC_BODY]
         seen = find_seen(held, bodies, known, config.transfer_window)
-        graph = replace(graph, seen=seen)
-        return graph if seen.body_id == STATIC_BODY else _handed_over(graph, bodies, filters.seen)
+        graph = replace(graph, seen=seen, closed_at={})
+        return graph if seen.body_id == STATIC_BODY else _handed_over(graph, bodies)
     if not seen.is_followed:
         return graph
     own = {pair: state for pair, state in graph.pairs.items() if pair[1] == HELD_BODY}
@@ -258,21 +261,33 @@ def recognised(
     others = {pair: state for pair, state in graph.pairs.items() if pair not in own}
     others |= {pair: state for pair, state in own.items() if pair in of_seen}
     past = {child: states for child, states in graph.past.items() if child != HELD_BODY}
-    return replace(graph, pairs=others, past=past, seen=UNSEEN)
+    return replace(graph, pairs=others, past=past, seen=UNSEEN, closed_at={})
 
 
-def _handed_over(
-    graph: JointGraphState, bodies: Mapping[int, BodyMotion], filters: JointFilters
-) -> JointGraphState:
+def _handed_over(graph: JointGraphState, bodies: Mapping[int, BodyMotion]) -> JointGraphState:
     """The graph in which the held body has the joints of the seen one, too."""
     seen, present = graph.seen.body_id, {**graph.bodies, **bodies}
-    pairs = dict(graph.pairs)
-    for (parent, child), state in graph.pairs.items():
-        if child == seen:
-            pose, _, _ = measured_pose((parent, child), present)
-            counted = filters.count_from(state, pose.X, pose.covariance)
-            pairs[parent, HELD_BODY] = replace(counted, child_id=HELD_BODY)
-    return replace(graph, pairs=pairs, past={**graph.past, HELD_BODY: graph.past[seen]})
+    taken = {parent: state for (parent, child), state in graph.pairs.items() if child == seen}
+    own = {
+        (parent, HELD_BODY): replace(state, child_id=HELD_BODY) for parent, state in taken.items()
+    }
+    closed_at = {parent: measured_pose((parent, seen), present)[0] for parent in taken}
+    past = {**graph.past, HELD_BODY: graph.past[seen]}
+    return replace(graph, pairs={**graph.pairs, **own}, past=past, closed_at=closed_at)
+
+
+def grasp_configuration(
+    graph: JointGraphState, pair: Pair, joint_type: JointType, filters: JointFilters
+) -> float:
+    """The configuration of a pair where the hand closed, by a type that moves; zero by default."""
+    parent, child = pair
+    if child != HELD_BODY or STATIC_BODY not in graph.closed_at:
+        return 0.0
+    pose = graph.closed_at.get(parent)
+    if pose is None:  # A parent that began to move later stood at its reference.
+        pose = graph.closed_at[STATIC_BODY]
+        pose = replace(pose, X=se3.inverse(graph.bodies[parent].X_WB_reference) @ pose.X)
+    return filters.configuration_at(graph.pairs[pair], joint_type, pose.X, pose.covariance)
 
 
 def _update_pair(
@@ -296,14 +311,15 @@ def _update_pair(
     if state is None:
         if pose_fault(pose.X) or pose_fault(X_PB_reference):
             return None
-        age, delay = config.reference_age, 0.0
+        body = bodies[pair[1]]
         if pair[1] == HELD_BODY and pair[1] not in graph.bodies:
             # The body in the hand is first measured at its reference. Closing the hand may have
             # moved its parent away from the parent's own.
-            age, X_PB_reference = config.period, pose.X
-            held = bodies[pair[1]]
-            delay = held.reference_delay if isinstance(held, HeldBody) else 0.0
-        state = filters.start(X_PB_reference, pose.covariance, time - age, *pair, correlated, delay)
+            delay = body.reference_delay if isinstance(body, HeldBody) else 0.0
+            state = filters.start(pose.X, pose.covariance, time, *pair, correlated, delay)
+            return replace(state, reset_count=reset_count, offset=offset)
+        age = body.reference_age if body.reference_age > 0.0 else config.reference_age
+        state = filters.start(X_PB_reference, pose.covariance, time - age, *pair, correlated)
     elif reset_count != state.reset_count:
         state = filters.rebase(state, time, offset, of_reference + correlated)
     state = replace(state, reset_count=reset_count, offset=offset)
@@ -367,6 +383,7 @@ def update_graph(
         unseen=unseen,
         ticks=graph.ticks + 1,
         seen=graph.seen,
+        closed_at=graph.closed_at,
         health=_health(faults, graph, pairs, unseen, config.period),
     )
 

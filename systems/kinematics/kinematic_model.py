@@ -9,12 +9,13 @@ from crossmodal.systems.kinematics.joint_graph import (
     EMPTY_GRAPH,
     JointGraphState,
     KinematicModelConfig,
+    grasp_configuration,
     merge_bodies,
     pair_filters,
     predict_bodies,
     update_graph,
 )
-from crossmodal.systems.port_values import BodyMotions, JointBeliefs
+from crossmodal.systems.port_values import MOVING_TYPES, BodyMotions, JointBeliefs
 from crossmodal.systems.recursive_filter import RecursiveFilter
 
 
@@ -34,8 +35,8 @@ class KinematicModel(RecursiveFilter):
     The configuration of a pair that is not measured any more is predicted, ever less surely, for as
     long as the pair is kept.
 
-    The body in the hand takes over the joints of the seen body that it is (`seen_body`); it counts
-    from where the hand closed.
+    The body in the hand takes over the joints of the seen body that it is (`seen_body`), whose
+    configurations count from where that rested.
 
     A body that begins to move after B belonged to the environment until then, so that what is known
     of B's joint to the environment is transferred to the joint between the two. A parent that is
@@ -92,5 +93,11 @@ class KinematicModel(RecursiveFilter):
 
     def _beliefs(self, graph: JointGraphState) -> JointBeliefs:
         now = graph.ticks * self._config.period
-        belief = self._filters.seen.belief
-        return JointBeliefs(joints=[belief(state, now) for state in graph.pairs.values()])
+        filters, joints = self._filters.seen, []
+        for pair, state in graph.pairs.items():
+            joint = filters.belief(state, now)
+            for joint_type in MOVING_TYPES:
+                q = grasp_configuration(graph, pair, joint_type, filters)
+                joint.models[joint_type].grasp_configuration = q
+            joints.append(joint)
+        return JointBeliefs(joints=joints)

@@ -5,8 +5,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
-import numpy as np
-
 from crossmodal.maths.arrays import Array, unknown
 
 
@@ -35,11 +33,14 @@ class JointModelBelief:
         axis_covariance: (3, 3), rank 2, of the unit axis, [rad^2].
         p_PA: The point (3,) of a revolute or screw axis nearest to the child at the reference, [m].
         p_PA_covariance: (3, 3), [m^2].
-        configuration: (q, qdot), [m or rad, per s]; q is zero at the reference, that of the body in
-            the hand where the hand closed.
+        configuration: (q, qdot), [m or rad, per s]; q is zero at the reference. That of the body in
+            the hand is where vision saw it rest before, or else where the hand closed.
         configuration_covariance: (2, 2).
-        pitch: By how much a screw moves along its axis, [m/rad].
-        pitch_variance: [m^2/rad^2].
+        pitch_mixture: (K, 3) of by how much a screw moves along its axis: weights, summing to one,
+            means [m/rad] and variances [m^2/rad^2] of normal distributions. How steep screws are is
+            a matter of scale, so that a pitch that is hardly known is not normal.
+        grasp_configuration: q where the hand closed around the child, [m or rad]; zero where that
+            is the reference.
     """
 
     log_evidence: float
@@ -49,8 +50,19 @@ class JointModelBelief:
     p_PA_covariance: Array = unknown(3, 3)
     configuration: Array = unknown(2)
     configuration_covariance: Array = unknown(2, 2)
-    pitch: float = np.nan
-    pitch_variance: float = np.nan
+    pitch_mixture: Array = unknown(1, 3)
+    grasp_configuration: float = 0.0
+
+    @property
+    def pitch(self) -> float:
+        """Its mean, [m/rad]."""
+        return float(self.pitch_mixture[:, 0] @ self.pitch_mixture[:, 1])
+
+    @property
+    def pitch_variance(self) -> float:
+        """[m^2/rad^2]"""
+        weight, mean, variance = self.pitch_mixture.T
+        return float(weight @ (variance + (mean - self.pitch) ** 2))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,6 +102,8 @@ class JointBelief:
         updates: Measurements seen.
         skipped: How many others were not used, by reason.
         fit: Of the most probable type; None where nobody has looked.
+        reference_age: How long ago the child was at the reference, where q is zero, [s]; NaN where
+            that is not known.
     """
 
     parent_id: int
@@ -99,6 +113,7 @@ class JointBelief:
     updates: int
     skipped: Mapping[str, int] = field(default_factory=dict)
     fit: JointFit | None = None
+    reference_age: float = math.nan
 
     @property
     def type(self) -> JointType:
@@ -119,12 +134,14 @@ class JointBelief:
         Args:
             climb: A screw that climbs less is as good as a hinge, [m/rad].
         """
-        screw = self.models[JointType.SCREW]
-        deviation = math.sqrt(2.0 * screw.pitch_variance) if screw.pitch_variance > 0.0 else 1e-12
-        above, below = (climb - screw.pitch) / deviation, (climb + screw.pitch) / deviation
-        flat = 0.5 * (math.erf(above) + math.erf(below))
-        p_screw = self.probabilities[JointType.SCREW] * flat if math.isfinite(flat) else 0.0
-        return self.probabilities[JointType.REVOLUTE] + p_screw
+        flat = 0.0
+        for weight, mean, variance in self.models[JointType.SCREW].pitch_mixture.tolist():
+            if math.isnan(mean):
+                continue
+            deviation = math.sqrt(2.0 * variance) if variance > 0.0 else 1e-12
+            above, below = (climb - mean) / deviation, (climb + mean) / deviation
+            flat += 0.5 * weight * (math.erf(above) + math.erf(below))
+        return self.probabilities[JointType.REVOLUTE] + self.probabilities[JointType.SCREW] * flat
 
     def hinge_climb(self, probability: float = 0.9) -> float:
         """What the child climbs at most if it is a hinge with this probability, [m/rad].

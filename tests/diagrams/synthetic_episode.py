@@ -57,8 +57,7 @@ def joint_belief(
         p_PA_covariance=1e-4 * np.eye(3),
         configuration=np.array([q, 0.02]),
         configuration_covariance=np.diag([q_std**2, 1e-6]),
-        pitch=pitch,
-        pitch_variance=(0.05 * pitch) ** 2,
+        pitch_mixture=np.array([[1.0, pitch, (0.05 * pitch) ** 2]]),
     )
     rest = (1.0 - probability) / (len(JointType) - 1)
     probabilities = dict.fromkeys(JointType, rest)

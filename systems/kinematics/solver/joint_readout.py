@@ -10,7 +10,6 @@ from crossmodal.maths.compiled import assign, hot
 from crossmodal.maths.se3_in_place import relative_log
 from crossmodal.maths.vectors import tangent_basis
 from crossmodal.systems.kinematics.solver.joint_geometry import (
-    MOVING,
     RIGID,
     child_pose,
     dimension,
@@ -39,22 +38,21 @@ def _projected(T: Array, Sigma: Array, first: int, out: Array) -> None:
 
 
 @hot
-def _zero(kind: int, m: Models, X_FZ: Array, W: Array, k: Array, J: Array) -> float:
+def nearest(kind: int, m: Models, X_FZ: Array, W: Array, k: Array) -> float:
     """q at the point of the path nearest to the pose X_FZ (4, 4), in the metric W (6, 6).
 
-    Writes into `k` (6,) by how much less that is per twist of the path there, in the child, and
-    into `J` (6, 6) the Jacobian there (`joint_geometry.jacobian`).
+    Writes into `k` (6,) by how much more that is per twist of the pose, in the child.
     """
-    G, WJ, r, X, q = np.empty((6, 6)), np.empty(6), np.empty(6), np.eye(4), 0.0
+    G, WG, r, X, q = np.empty((6, 6)), np.empty(6), np.empty(6), np.eye(4), 0.0
     screw_twists(kind, m.Y[kind], m.a[kind], m.c[kind], m.pitch[kind], G)
     square = 0.0
     for i in range(6):
-        WJ[i] = 0.0
+        WG[i] = 0.0
         for j in range(6):
-            WJ[i] += W[i, j] * G[0, j]
-        square += WJ[i] * G[0, i]
+            WG[i] += W[i, j] * G[0, j]
+        square += WG[i] * G[0, i]
     for i in range(6):
-        k[i] = WJ[i] / square
+        k[i] = WG[i] / square
     for _ in range(_STEPS):
         child_pose(kind, m.Y[kind], m.a[kind], m.c[kind], m.pitch[kind], q, X)
         relative_log(X, X_FZ, r)
@@ -64,58 +62,32 @@ def _zero(kind: int, m: Models, X_FZ: Array, W: Array, k: Array, J: Array) -> fl
         q += step
         if abs(step) < _NEAR:
             break
-    jacobian(kind, G, m.pitch[kind], q, J)
     return q
-
-
-def counted_from(m: Models, X_FZ: Array, W: Array) -> Models:
-    """The models with the reference, Y and q = 0, where their paths are nearest to X_FZ (4, 4).
-
-    Args:
-        m: Not changed.
-        W: Metric (6, 6); zero where q counts from the reference already.
-    """
-    Y, state = m.Y.copy(), m.state.copy()
-    shift, J = np.empty(6), np.zeros((6, 6))
-    for kind in MOVING if W[0, 0] > 0.0 else ():
-        q = _zero(kind, m, X_FZ, W, shift, J)
-        child_pose(kind, m.Y[kind], m.a[kind], m.c[kind], m.pitch[kind], q, Y[kind])
-        state[kind, 0] -= q
-    return m._replace(Y=Y, state=state)
 
 
 @hot
 def read_configuration(
-    kind: int,
-    m: Models,
-    of_theta: Array,
-    X_FZ: Array,
-    W_zero: Array,
-    displaced: Array,
-    zero_variance: float,
+    kind: int, m: Models, of_theta: Array, W_zero: Array, displaced: Array, zero_variance: float
 ) -> tuple[Array, Array]:
     """Configuration and rate since the reference, (2,), and their covariance (2, 2).
 
     Args:
         kind: One of `MOVING`.
         of_theta: Covariance (N, N) of the model's theta.
-        X_FZ: Measured pose (4, 4) of the child from which q counts.
-        W_zero: Zero (6, 6), where q counts from the path's own reference; or the metric in which
-            the point of the path that is nearest to X_FZ has q = 0.
-        displaced: Covariance (6, 6), in B, of the path's displacement from X_FZ as far as it makes
-            the configuration wrong; without W_zero the path's own counts.
+        W_zero: Zero (6, 6), or the metric in which the point of the path that is nearest to the
+            measured reference has q = 0.
+        displaced: Covariance (6, 6), in B, of the path's displacement from the measured reference
+            as far as it makes the configuration wrong; without W_zero the path's own counts.
         zero_variance: By how far the child may have moved before the reference.
     """
     size = dimension(kind)
     state, P, gain = m.state[kind].copy(), m.P[kind].copy(), m.gain[kind].copy()
     P[0, 0] += zero_variance
     if W_zero[0, 0] > 0.0:
-        shift, J = np.empty(6), np.zeros((6, 6))
-        state[0] -= _zero(kind, m, X_FZ, W_zero, shift, J)
+        shift = np.empty(6)
+        state[0] -= nearest(kind, m, np.eye(4), W_zero, shift)
         for i in range(6):
             gain[0, i] += shift[i]
-            for k in range(6, size):
-                gain[0, k] += shift[i] * J[k - 5, i]
             for j in range(6):
                 P[0, 0] += shift[i] * displaced[i, j] * shift[j]
     for i in range(2):
@@ -149,7 +121,6 @@ def read_moving(
     of_q: Array,
     X_PF: Array,
     axis_distance: float,
-    X_FZ: Array,
     W_zero: Array,
     displaced: Array,
     zero_variance: float,
@@ -163,7 +134,7 @@ def read_moving(
         S: Density of the child's acceleration that was not measured.
     """
     vectors, axis, point = read_axis(kind, m, of_theta, X_PF, axis_distance)
-    x, P = read_configuration(kind, m, of_q, X_FZ, W_zero, displaced, zero_variance)
+    x, P = read_configuration(kind, m, of_q, W_zero, displaced, zero_variance)
     if dt > 1e-9:
         x, P = predicted_configuration(x, P, S, dt)
     return vectors, axis, point, x, P

@@ -15,6 +15,7 @@ the likelihood of the pitch, all other parameters marginalised, is near normal.
 
 import numpy as np
 
+from crossmodal.maths.arrays import Array
 from crossmodal.maths.compiled import hot
 from crossmodal.systems.kinematics.keyframes.pose_keyframes import Keyframes
 
@@ -103,15 +104,13 @@ def hinge_evidence(pitch: float, variance: float, of_hinges: float) -> float:
 
 
 @hot
-def pitch_posterior(pitch: float, variance: float) -> tuple[float, float]:
-    """Mean and variance of the pitch; see `pitch_evidence`."""
-    mean, square, total, widest = 0.0, 0.0, 0.0, _component(WIDEST, pitch, variance)[0]
+def pitch_posterior(pitch: float, variance: float) -> Array:
+    """Weights, means and variances (S, 3) of the pitch, by scale; see `pitch_evidence`."""
+    found, total, widest = np.empty((len(PITCHES), 3)), 0.0, _component(WIDEST, pitch, variance)[0]
     for i in range(len(PITCHES)):
         scale, share = PITCHES[i], _SHARES[i]
-        evidence, m, v = _component(scale, pitch, variance)
-        weight = share * np.exp(evidence - widest)
-        total += weight
-        mean += weight * m
-        square += weight * (m**2 + v)
-    mean /= total
-    return mean, square / total - mean**2
+        evidence, found[i, 1], found[i, 2] = _component(scale, pitch, variance)
+        found[i, 0] = share * np.exp(evidence - widest)
+        total += found[i, 0]
+    found[:, 0] /= total
+    return found

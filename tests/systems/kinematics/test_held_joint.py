@@ -184,6 +184,7 @@ def test_a_hand_that_turns_on_the_bar_need_not_turn_with_the_door() -> None:
 
 def test_a_screw_climbs_by_its_pitch_along_the_axis() -> None:
     belief = joint(JointType.REVOLUTE, 0.1)
-    model = replace(belief.models[JointType.REVOLUTE], pitch=0.05)
+    known = np.array([[1.0, 0.05, 0.0]])
+    model = replace(belief.models[JointType.REVOLUTE], pitch_mixture=known)
     hinge, climbing = screw(JointType.REVOLUTE, model), screw(JointType.SCREW, model)
     assert_allclose(climbing - hinge, [0.0, 0.0, 0.0, *(0.05 * model.axis_P)], atol=1e-15)

@@ -16,7 +16,7 @@ DOOR = next(case for case in all_cases() if case.name == "door")
 def _belief(revolute: float, screw: float, pitch: float, deviation: float) -> JointBelief:
     models = {kind: JointModelBelief(log_evidence=0.0) for kind in JointType}
     models[JointType.SCREW] = JointModelBelief(
-        log_evidence=0.0, pitch=pitch, pitch_variance=deviation**2
+        log_evidence=0.0, pitch_mixture=np.array([[1.0, pitch, deviation**2]])
     )
     probabilities = dict.fromkeys(JointType, 0.0)
     probabilities |= {JointType.REVOLUTE: revolute, JointType.SCREW: screw}
@@ -63,3 +63,24 @@ def test_a_door_that_is_seen_to_open_is_said_to_be_one(pitch: float, is_door: bo
         probability = filters.belief(state).hinge_probability()
         assert (probability > 0.9) == is_door
         assert (probability < 0.1) != is_door
+
+
+def test_positions_alone_say_of_the_pitch_what_was_known_before() -> None:
+    """Which is that most screws are flat, and that it may be a steep one."""
+    filters, stream = JointFilters(JointFiltersConfig()), simulate_case(DOOR, 0)
+    covariance = DOOR.covariance.copy()
+    covariance[:3], covariance[:, :3] = 0.0, 0.0
+    covariance[:3, :3] = np.diag(np.full(3, np.inf))
+    state = filters.start(stream.X_PB_measured[0], covariance, 0.0)
+    for t, X in zip(stream.times[1:], stream.X_PB_measured[1:], strict=True):
+        state = filters.update(state, X, covariance, float(t))
+    belief = filters.belief(state)
+    flat = 4 / 7 + 2 / 7 * math.erf(0.5 / math.sqrt(2.0)) + 1 / 7 * math.erf(0.05 / math.sqrt(2.0))
+    expected = (
+        belief.probabilities[JointType.REVOLUTE] + belief.probabilities[JointType.SCREW] * flat
+    )
+    assert belief.hinge_probability() == pytest.approx(expected, abs=1e-3)
+    assert 0.85 < belief.hinge_probability() < 0.9
+    assert belief.models[JointType.SCREW].pitch_variance == pytest.approx(
+        4 / 7 * 1e-6 + 2 / 7 * 1e-4 + 1 / 7 * 1e-2, rel=0.02
+    )

@@ -109,7 +109,8 @@ def test_a_body_that_the_hand_seemed_to_have_lost_counts_from_where_the_hand_clo
         driver.set(body)
         driver.tick()
     joint = driver.joints().joints[0]
-    assert joint.updates == 61
+    assert joint.updates == 60
+    assert joint.reference_age == pytest.approx(90 / 15)
     model = joint.models[JointType.PRISMATIC]
     assert abs(model.configuration[0]) == pytest.approx(0.15, abs=2e-3)
 

@@ -52,8 +52,7 @@ def model_of(joint_type: JointType, q: float, v: float) -> JointModelBelief:
         p_PA_covariance=1e-8 * across,
         configuration=np.array([q, v]),
         configuration_covariance=np.diag([1e-7, 1e-7]),
-        pitch=PITCH if joint_type == SCREW else np.nan,
-        pitch_variance=1e-8 if joint_type == SCREW else np.nan,
+        pitch_mixture=np.array([[1.0, PITCH if joint_type == SCREW else np.nan, 1e-8]]),
     )
 
 

@@ -202,10 +202,15 @@ def read_run(folder: Path) -> RecordedRun:
     summary = read_summary(folder)
     if not summary:
         raise ScenarioError(f"{folder / SUMMARY_FILE}: is no summary of a run")
+    try:
+        estimates = pd.read_parquet(folder / ESTIMATES_FILE)
+    except (OSError, ValueError) as error:
+        path = folder / ESTIMATES_FILE
+        raise ScenarioError(f"{path}: is damaged: {one_line(error)}; run it again") from None
     return RecordedRun(
         folder=folder,
         application=application,
         scenario=scenario,
-        estimates=pd.read_parquet(folder / ESTIMATES_FILE),
+        estimates=estimates,
         summary=summary,
     )

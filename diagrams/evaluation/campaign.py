@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from crossmodal.diagrams.evaluation.metric_table import is_summary
 from crossmodal.diagrams.run import process
 from crossmodal.diagrams.run.application import Application
 from crossmodal.diagrams.run.experiment import Experiment
@@ -126,22 +127,26 @@ def check_folder(folder: Path, *, force: bool = False) -> None:
             continue
         remove_run(episode)
         for name in (*FILES, process.LOG_FILE, process.ERROR_FILE):
-            (episode / name).unlink(missing_ok=True)
+            with contextlib.suppress(OSError):
+                (episode / name).unlink()
         with contextlib.suppress(OSError):
             episode.rmdir()
 
 
 def _refuse_other_results(folder: Path, application: Application, scenario: Scenario) -> None:
     """All episodes in a folder are of one scenario and program, so that one tells which."""
-    for path in sorted(folder.glob(f"seed-[0-9]*/{SUMMARY_FILE}"))[:1]:
+    for path in sorted(folder.glob(f"seed-[0-9]*/{SUMMARY_FILE}")):
         found = read_summary(path.parent)
-        seed = found.get("seed", scenario.seed)
-        for key, wanted in fingerprint(application, replace(scenario, seed=seed)).items():
+        if type(found.get("seed")) is not int:  # It is damaged.
+            continue
+        current = fingerprint(application, replace(scenario, seed=found["seed"]))
+        for key, wanted in current.items():
             if key in found and found[key] != wanted:
                 raise ScenarioError(
                     f"{path}: holds results of another scenario or program: {key} is {found[key]},"
                     f" not {wanted}; choose another --out, or start afresh with --force"
                 )
+        return
 
 
 def run_episodes(
@@ -243,7 +248,7 @@ def prepare(
         experiment=application.experiments[name],
         scenarios=scenarios,
         folder=folder,
-        summaries=[summary for summary in done if summary is not None],
+        summaries=[one for one in done if one is not None and is_summary(application, one)],
     )
 
 

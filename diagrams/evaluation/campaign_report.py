@@ -1,6 +1,7 @@
 """Writes what came out of experiments: CSV, Markdown, plots and a page that shows all of it."""
 
 import base64
+import contextlib
 import datetime
 import io
 import os
@@ -88,8 +89,7 @@ def write_campaign(campaign: Campaign, origin: str) -> list[Path]:
         write_text(folder / TABLE_FILE, _markdown(campaign, figures, origin)),
     ]
     for file, plot in application.campaign_plots.items():
-        place = folder / file
-        place.unlink(missing_ok=True)
+        place, figure = folder / file, None
         try:
             figure = plot.draw(campaign)
             if figure is not None:
@@ -98,6 +98,10 @@ def write_campaign(campaign: Campaign, origin: str) -> list[Path]:
             raise
         except Exception as error:
             campaign.missing.append(undrawn(place, error))
+            figure = None
+        if figure is None:
+            with contextlib.suppress(IsADirectoryError, PermissionError):
+                place.unlink(missing_ok=True)
     section = _section(campaign, figures, folder)
     written.append(write_text(folder / PAGE_FILE, page(name, origin, [section])))
     return written
@@ -156,8 +160,9 @@ def _section(campaign: Campaign, figures: pd.DataFrame, base: Path) -> Section:
     experiment, folder = campaign.experiment, campaign.folder
     episodes = []
     for summary in campaign.summaries:
-        plots = episode_folder(folder, summary["seed"]) / PLOT_FOLDER
-        shown = sorted(plots.glob("*.png")) if summary["modalities"] else []
+        place = episode_folder(folder, summary["seed"])
+        names = sorted(summary.get("files", []))
+        shown = [place / name for name in names if name.startswith(f"{PLOT_FOLDER}/")]
         links = {
             path.stem.replace("_", " "): Path(os.path.relpath(path, base)).as_posix()
             for path in shown

@@ -16,6 +16,7 @@ from crossmodal.diagrams.evaluation.metric_table import (
     Summary,
     Table,
     count,
+    is_summary,
     label,
     median_and_range,
     metrics_of,
@@ -102,21 +103,18 @@ def read_compared(
         document.pop("seed", None)
     summaries = [read_summary(place) for place in places]
     for place, summary in zip(places, summaries, strict=True):
-        if not {"seed", "success", "modalities"} <= summary.keys():
-            raise ScenarioError(f"{place / SUMMARY_FILE}: is no summary of a run")
-    try:
-        figures = tidy_metrics(application, name, summaries)
-    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError):
-        raise ScenarioError(
-            f"{folder}: a {SUMMARY_FILE} there holds what '{application.name}' does not write"
-        ) from None
+        if not is_summary(application, summary):
+            raise ScenarioError(
+                f"{place / SUMMARY_FILE}: is no summary of a run of '{application.name}';"
+                " run it again, or remove its folder"
+            )
     pictures = folder / PLOT_FOLDER if is_run else folder
     return Compared(
         name=name,
         application=application,
         document=_flat(document),
         summaries=summaries,
-        figures=figures,
+        figures=tidy_metrics(application, name, summaries),
         pictures={
             path.stem.replace("_", " "): path
             for path in sorted(pictures.glob("*.png"))

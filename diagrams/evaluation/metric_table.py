@@ -88,6 +88,16 @@ def tidy_metrics(application: Application, name: str, summaries: Sequence[Summar
     return pd.DataFrame(rows, columns=list(COLUMNS))
 
 
+def is_summary(application: Application, summary: Summary) -> bool:
+    """Whether an episode of the application can have written it."""
+    try:
+        tidy_metrics(application, "", [summary])
+        types = type(summary["seed"]), type(summary["modalities"])
+        return types == (int, dict) and summary["success"] in (True, False, None)
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError):
+        return False
+
+
 def quantile(values: npt.ArrayLike, share: float) -> Array:
     """Quantile of magnitudes (n, ...) over the first axis, linear between neighbours.
 

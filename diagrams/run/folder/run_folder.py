@@ -1,11 +1,13 @@
 """The folder of one run: what may be written where, and the files an episode leaves there.
 
 Every file is written beside its place and moved there when it is whole. A folder with a
-`summary.json` holds a run's scenario and estimates; the run is complete if all files are there that
-the summary names. Only these files are removed when another run replaces it.
+`summary.json` holds a run's scenario and estimates; the run is complete if all files that the
+summary names are there as they were written. Only these files are removed when another run
+replaces it.
 """
 
 import contextlib
+import hashlib
 import json
 import math
 import os
@@ -113,7 +115,7 @@ def is_within(folder: Path, name: object) -> bool:
         with contextlib.suppress(FileNotFoundError, NotADirectoryError):
             path.stat()  # A name may be too long.
         return path.is_relative_to(folder.resolve())
-    except (OSError, ValueError):  # No path can be so.
+    except (OSError, ValueError, RuntimeError):  # No path can be so, or links lead in a circle.
         return False
 
 
@@ -135,11 +137,13 @@ def remove_run(folder: Path, *, kept: Collection[str] = ()) -> None:
 
 
 def write_atomically(path: Path, write: Callable[[Path], Any]) -> Path:
-    """Lets `write` fill a file beside `path`, then moves it there."""
+    """Lets `write` fill a file beside `path`, then moves it there, where an empty folder may be."""
     partial = path.with_name(f".{os.getpid()}-{path.name}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         write(partial)
+        with contextlib.suppress(OSError):
+            path.rmdir()
         os.replace(partial, path)
     except OSError as error:
         reason = one_line(error.strerror or error)
@@ -191,12 +195,22 @@ class RunWriter:
     Args:
         folder: Of the run. A picture in it that is of no run is not replaced.
         results: Of the record.
+        only_own: Whether pictures by the names of its own are of an earlier run in any case, as in
+            an evaluation, where that run's summary may be lost.
     """
 
     def __init__(
-        self, folder: Path, application: Application, record: EpisodeRecord, results: Results
+        self,
+        folder: Path,
+        application: Application,
+        record: EpisodeRecord,
+        results: Results,
+        *,
+        only_own: bool = False,
     ) -> None:
         self._folder, self._earlier = folder, files_of_run(folder)
+        if only_own:
+            self._earlier += [f"{PLOT_FOLDER}/{name}" for name in results.plots]
         self._application, self._record, self._results = application, record, results
         self.missing = list(record.missing)
         self.written = [] if record.sensors_file is None else [record.sensors_file]
@@ -205,7 +219,8 @@ class RunWriter:
         self._names += [MESHCAT_FILE] if record.meshcat_html is not None else []
         self._names += [SENSORS_FILE] if record.sensors_file is not None else []
         self._names += [PAGE_FILE]
-        self.summary = summarise(application, record, results) | {"files": self._names}
+        self.summary = summarise(application, record, results)
+        self.summary |= {"files": self._names, "checksums": {}}
 
     def write_results(self) -> None:
         """Writes scenario and estimates and, where both are there, the summary.
@@ -245,12 +260,14 @@ class RunWriter:
                 self._names.remove(file)
                 if file in self._earlier:
                     (self._folder / file).unlink(missing_ok=True)
-        if any(path.name == SUMMARY_FILE for path in self.written):
-            self._write_summary()
         page = self._record.meshcat_html
         if page is not None:
             self._write(MESHCAT_FILE, lambda path: path.write_text(page, encoding="utf-8"))
         self._write(PAGE_FILE, lambda path: path.write_text(self._page(), encoding="utf-8"))
+        if any(path.name == SUMMARY_FILE for path in self.written):
+            there = [name for name in self._names if (self._folder / name).is_file()]
+            self.summary["checksums"] = {name: checksum(self._folder / name) for name in there}
+            self._write_summary()
 
     def _page(self) -> str:
         """What came of the run, with its pictures, which the page finds in the folder."""
@@ -284,12 +301,12 @@ class RunWriter:
 def write_run(
     folder: Path, application: Application, record: EpisodeRecord, results: Results
 ) -> list[Path]:
-    """Writes all files of an episode and returns them.
+    """Writes all files of an episode into a folder of its own and returns them.
 
     Raises:
         ScenarioError: where one could not be written; the others are there then.
     """
-    writer = RunWriter(folder, application, record, results)
+    writer = RunWriter(folder, application, record, results, only_own=True)
     writer.write_results()
     writer.write_pictures()
     if writer.missing:
@@ -342,17 +359,34 @@ def without_nan(value: Any) -> Any:
     return value
 
 
+def checksum(path: Path) -> str:
+    """SHA-256 of a file."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _is_whole(folder: Path, summary: dict[str, Any]) -> bool:
+    """Whether all files are there that the summary names, as they were when it was written."""
+    names, sums = summary.get("files"), summary.get("checksums", {})
+    if not isinstance(names, list) or not isinstance(sums, dict):
+        return False
+    try:
+        return all(
+            is_within(folder, name)
+            and (folder / name).is_file()
+            and sums.get(name) in (None, checksum(folder / name))
+            for name in names
+        )
+    except OSError:
+        return False
+
+
 def finished_summary(
     folder: Path, application: Application, scenario: Scenario
 ) -> dict[str, Any] | None:
     """The summary of a complete run of this very scenario, seed and program, if there is one."""
     summary = read_summary(folder)
-    if not summary or summary.get("interrupted"):
+    if not summary or summary.get("interrupted") or not _is_whole(folder, summary):
         return None
-    names = summary.get("files")
-    if not isinstance(names, list) or not all(is_within(folder, name) for name in names):
-        return None
-    if not all((folder / name).is_file() for name in names):
-        return None
-    current = fingerprint(application, scenario)
+    current = {"seed": scenario.seed, **fingerprint(application, scenario)}
     return summary if all(summary.get(key) == value for key, value in current.items()) else None

@@ -1,3 +1,4 @@
+import shutil
 import types
 from dataclasses import replace
 from importlib.util import find_spec
@@ -5,6 +6,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from damaged_files import Damage, link_out, make_a_folder
+from matplotlib.figure import Figure
 from typer.testing import CliRunner
 
 from crossmodal.diagrams.command_line import app
@@ -86,6 +89,50 @@ def test_all_experiments_end_in_one_table_and_single_ones_are_taken_over(
     assert "| all | 2/2 (100 %) |" in result.output
     assert Path("runs/evaluate/report.html").is_file()
     assert Path("runs/evaluate/drawer/report.html").is_file()
+
+
+CAMPAIGN = ("a.png", *OVERVIEW_FILES)
+
+
+@pytest.fixture(scope="module")
+def finished_evaluation(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """Holds the folder of an evaluation as soon as one is there, for all tests of this module."""
+    return [tmp_path_factory.mktemp("finished")]
+
+
+@pytest.mark.usefixtures("in_this_process")
+@pytest.mark.parametrize("name", [*CAMPAIGN, "seed-0003/summary.json", "seed-0003/figures/b.png"])
+@pytest.mark.parametrize("damage", [make_a_folder, link_out])
+def test_what_is_damaged_is_made_again_and_what_is_whole_is_used(
+    damage: Damage,
+    name: str,
+    fake_episode: types.SimpleNamespace,
+    finished_evaluation: list[Path],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    few = replace(
+        APPLICATION,
+        evaluate=lambda record: replace(APPLICATION.evaluate(record), plots={"b.png": Figure}),
+        campaign_plots={"a.png": CampaignPlot(caption="", draw=lambda _: Figure())},
+    )
+    monkeypatch.setattr("crossmodal.diagrams.applications._load", lambda _: {"crossmodal": few})
+    command = ["evaluate", "drawer", "--seeds", "3:5", "--out", "here"]
+    (whole,) = finished_evaluation
+    if not any(whole.iterdir()):
+        assert RUNNER.invoke(app, command).exit_code == 0
+        shutil.copytree("here", whole, dirs_exist_ok=True)
+    else:
+        shutil.copytree(whole, "here")
+    fake_episode.runs.clear()
+    damage(Path("here", name), Path("mine"))
+    before = Path("mine").read_bytes() if Path("mine").exists() else b""
+    result = RUNNER.invoke(app, command)
+    assert result.exit_code == 0, result.output
+    assert [seed for _, seed, _ in fake_episode.runs] == ([3] if "seed" in name else [])
+    assert Path("here", name).is_file()
+    assert not Path("here", name).is_symlink()
+    assert Path("here", name).stat().st_size > 0.9 * (whole / name).stat().st_size
+    assert (Path("mine").read_bytes() if Path("mine").exists() else b"") == before
 
 
 def test_a_folder_whose_name_is_too_long_is_refused_in_one_line() -> None:

@@ -145,5 +145,5 @@ def test_a_damaged_summary_is_named(tmp_path: Path, text: str, expected: str) ->
 def test_what_an_application_does_not_write_is_not_compared(tmp_path: Path) -> None:
     wrong = toy_summary(3, left=0.1, right=0.1) | {"score": "many"}
     folder = write_episode(tmp_path / "run", wrong)
-    with pytest.raises(ScenarioError, match="holds what 'toy' does not write"):
+    with pytest.raises(ScenarioError, match="is no summary of a run of 'toy'"):
         read(folder)

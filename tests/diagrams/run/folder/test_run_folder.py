@@ -1,5 +1,6 @@
 import json
 import os
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -7,12 +8,14 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from damaged_files import DAMAGES, Damage
 from matplotlib.figure import Figure
 from numpy.testing import assert_allclose
 from synthetic_episode import empty_episode, synthetic_episode
 
 from crossmodal.diagrams.applications import load_scenario
 from crossmodal.diagrams.crossmodal.application import APPLICATION
+from crossmodal.diagrams.run.application import Results
 from crossmodal.diagrams.run.folder.run_folder import (
     PLOT_FOLDER,
     SENSORS_FILE,
@@ -243,9 +246,40 @@ def test_a_picture_that_no_run_has_drawn_is_not_replaced(tmp_path: Path) -> None
     results = APPLICATION.evaluate(record)
     write_run(tmp_path, APPLICATION, record, replace(results, plots={}))
     mine = write_text(tmp_path / "figures" / "errors.png", "mine")
-    with pytest.raises(ScenarioError, match=r"errors\.png: cannot be drawn: .*no run has drawn"):
-        write(tmp_path, record)
+    writer = RunWriter(tmp_path, APPLICATION, record, results)
+    writer.write_results()
+    writer.write_pictures()
+    assert "errors.png: cannot be drawn: FileExistsError: a file is there" in writer.missing[0]
     assert mine.read_text() == "mine"
+
+
+@pytest.fixture(scope="module")
+def whole_run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, EpisodeRecord, Results]:
+    folder, record = tmp_path_factory.mktemp("whole"), synthetic_episode()
+    results = replace(APPLICATION.evaluate(record), plots={"b.png": Figure})
+    write_run(folder, APPLICATION, record, results)
+    return folder, record, results
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+@pytest.mark.parametrize(
+    "name",
+    ["scenario.yaml", "estimates.parquet", "summary.json", "report.html", "figures/b.png"],
+)
+def test_a_run_with_a_damaged_file_is_not_finished_and_is_written_again(
+    tmp_path: Path, whole_run: tuple[Path, EpisodeRecord, Results], name: str, damage: Damage
+) -> None:
+    whole, record, results = whole_run
+    folder, mine = tmp_path / "run", tmp_path / "mine"
+    shutil.copytree(whole, folder)
+    assert finished_summary(folder, APPLICATION, record.scenario) is not None
+    damage(folder / name, mine)
+    before = mine.read_bytes() if mine.exists() else b""
+    assert finished_summary(folder, APPLICATION, record.scenario) is None
+    write_run(folder, APPLICATION, record, results)
+    assert finished_summary(folder, APPLICATION, record.scenario) is not None
+    assert not (folder / name).is_symlink()
+    assert (mine.read_bytes() if mine.exists() else b"") == before
 
 
 @pytest.mark.parametrize("name", ["../mine", "/{}/mine", "link/mine"])

@@ -48,6 +48,7 @@ _EXPRESSION = re.compile(r"\$\{|\$\((find|arg|env|optenv|eval|dirname)\b")  # Of
 _MeshKey = tuple[Path, tuple[float, ...], bool]  # See `Repair._mesh_key`.
 ElementTree.register_namespace("drake", "drake.mit.edu")
 _DRAKE = "{drake.mit.edu}"
+_LARGEST = 1e6  # Size of a shape, [m].
 
 
 @dataclass(kw_only=True)
@@ -548,7 +549,7 @@ class Repair:
 def _sizes(shape: Element) -> list[float]:
     """The sizes of a box, a cylinder and so on; those that are no numbers are left to the parser.
 
-    NaN and infinity are no sizes.
+    NaN, infinity and what is larger than a thousand kilometres are no sizes.
     """
     sizes = list[float]()
     for key in LENGTHS[shape.tag]:
@@ -557,7 +558,7 @@ def _sizes(shape: Element) -> list[float]:
             sizes += [float(part) for part in text.split()]
         except ValueError:
             continue
-    return [size if np.isfinite(size) else 0.0 for size in sizes]
+    return [size if abs(size) <= _LARGEST else 0.0 for size in sizes]
 
 
 def _lengths_beside_meshes(root: Element) -> list[float]:

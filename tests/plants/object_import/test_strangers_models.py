@@ -98,6 +98,7 @@ def test_a_copy_whose_files_are_not_an_import_s_is_imported_again(
         ('<box size="nan 0.4 0.2"/>', "<box> without an extent left out: tray"),
         ('<cylinder radius="0" length="1"/>', "<cylinder> without an extent left out: tray"),
         ('<cylinder radius="0.1" length="inf"/>', "<cylinder> without an extent left out: tray"),
+        ('<cylinder radius="0.1" length="1e300"/>', "<cylinder> without an extent left out: tray"),
         ('<sphere radius="0"/>', "<sphere> without an extent left out: tray"),
         ('<capsule radius="0.1" length="-1"/>', "<capsule> without an extent left out: tray"),
     ],

@@ -12,12 +12,19 @@ _SWITCH: Any = {"at_least": 0.0, "at_most": 1.0}
 
 @dataclass(kw_only=True)
 class FlipSequenceConfig:
+    """Phases, speeds and limits.
+
+    Attributes:
+        force: That the contact should have, [N]. It is no field: the station hands it over, as to
+            `TactileServoing`.
+    """
+
+    force = 0.5
     period: float = number(0.01, at_least=1e-4, at_most=1.0, unit="s")
     # Speed at which the finger first approaches the flap's edge, and its longest displacement.
     approach_speed: float = number(0.008, above=0.0, at_most=1.0, unit="m/s")
     approach_displacement: float = number(0.06, above=0.0, at_most=1.0, unit="m")
     # Contact that is established: what its force and place may be off by, and for how long.
-    force: float = number(0.5, above=0.0, at_most=100.0, unit="N")
     force_tolerance: float = number(0.1, above=0.0, at_most=100.0, unit="N")
     position_tolerance: float = number(0.004, above=0.0, at_most=0.1, unit="m")
     settle_time: float = number(0.3, at_least=0.0, at_most=60.0, unit="s")
@@ -65,4 +72,6 @@ class FlipSequenceConfig:
     # as thick as the pad's contact is wide, an offset along x may be either of roll and place.
     tactile_establish: list[float] = numbers([1.0, 0.0, 0.0, 0.0, 1.0, 0.0], **_SWITCH)
     tactile_flip: list[float] = numbers([1.0, 0.0, 0.0, 1.0, 1.0, 0.0], **_SWITCH)
+    # A pad that is not rolled as the flap is would push it away from the turn.
+    visual_establish: list[float] = numbers([0.0, 0.0, 1.0, 0.0, 0.0, 0.0], **_SWITCH)
     visual_flip: list[float] = numbers([1.0, 1.0, 1.0, 1.0, 1.0, 1.0], **_SWITCH)

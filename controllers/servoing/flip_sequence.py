@@ -57,7 +57,10 @@ def tactile_projector(phase: FlipPhase, config: FlipSequenceConfig) -> Array:
 
 def visual_projector(phase: FlipPhase, config: FlipSequenceConfig) -> Array:
     """Diagonal (6,) of P_vis in a phase."""
-    return np.array(config.visual_flip) * (phase == FlipPhase.FLIP)
+    if phase >= FlipPhase.RETREAT:
+        return np.zeros(6)
+    flipping = phase == FlipPhase.FLIP
+    return np.array(config.visual_flip if flipping else config.visual_establish)
 
 
 class FlipSequence(Sequence):

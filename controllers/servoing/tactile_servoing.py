@@ -16,12 +16,16 @@ FEATURES = 6  # x, z [m], f_x, f_y, f_z [N], angle of an edge [rad].
 
 @dataclass(kw_only=True)
 class TactileServoingConfig:
-    """Gains are in the order of the features: x, z, f_x, f_y, f_z, angle of an edge."""
+    """Gains are in the order of the features: x, z, f_x, f_y, f_z, angle of an edge.
 
+    Attributes:
+        force: That the contact should have, [N]. It is no field: the station hands it over.
+    """
+
+    force = 0.5
     period: float = number(0.01, at_least=1e-4, at_most=1.0, unit="s")
-    # Where the contact should be on the pad, along x and z, and its force.
+    # Where the contact should be on the pad, along x and z.
     position: list[float] = numbers([0.0, 0.0], at_least=-0.1, at_most=0.1, unit="m")
-    force: float = number(0.5, above=0.0, at_most=100.0, unit="N")
     proportional: list[float] = numbers(
         [1.0, 1.0, 0.0, 0.01, 0.0, 0.0], at_least=0.0, at_most=100.0, unit="1/s or m/(s N)"
     )

@@ -14,6 +14,9 @@ from crossmodal.maths.arrays import Array
 from crossmodal.maths.validation import check, number
 from crossmodal.maths.vectors import cross
 
+# Cosine of the angle between finger and hinge from which on they are taken to go the same way.
+_ABOUT_PARALLEL = 0.5
+
 
 @dataclass(kw_only=True)
 class VisualServoingConfig:
@@ -25,6 +28,8 @@ class VisualServoingConfig:
     """
 
     typical_distance = 0.085
+    # Of the edge from the pad before the first touch: the pad turns about where it will touch.
+    edge_distance: float = number(0.03, at_least=0.0, at_most=1.0, unit="m")
     # Gain of the roll towards the flap, and of the finger's alignment with the hinge.
     roll_gain: float = number(1.0, at_least=0.0, at_most=100.0, unit="1/s")
     align_gain: float = number(0.5, at_least=0.0, at_most=100.0, unit="1/s")
@@ -57,6 +62,23 @@ def roll_angle(y_S: Array, z_S: Array, n_f: Array) -> float:
     return float(np.arctan2(cross(y_S, target) @ z_S, y_S @ target))
 
 
+def approaching_twist(
+    X_WS: Array, n_W: Array, reach: float, projector: Array, config: VisualServoingConfig
+) -> Array:
+    """V_WS_S (6,) that turns a pad to a flap that it has not touched yet.
+
+    Args:
+        X_WS: Pose of the fingertip (4, 4).
+        n_W: Normal (3,) of the flap, on the side to which it turns.
+        reach: Of the pad from the fingertip's origin, [m].
+        projector: Diagonal (6,) of P_vis.
+    """
+    y_S, z_S = np.ascontiguousarray(X_WS[:3, :3].T)[1:]
+    rate = config.roll_gain * roll_angle(y_S, z_S, n_W)
+    V = np.array([0.0, 0.0, np.clip(rate, -config.turn_limit, config.turn_limit), 0.0, 0.0, 0.0])
+    return from_contact(V * projector, np.array([0.0, reach + config.edge_distance, 0.0]))
+
+
 def hinge_distance(p_WC: Array, hinge: Any) -> tuple[float, float]:
     """Distance |L2| of a point (3,) from the axis of a `HingeBelief`, and its standard deviation.
 
@@ -83,8 +105,9 @@ class VisualServoing(LeafSystem):
     """Feeds the contact along x_S, turns the fingertip with the flap and aligns it with the hinge.
 
     w = k_roll z_S angle(y_S, target) + k_align z_S x k + z_S v / |L2|, with the target
-    along the flap towards the hinge and |L2| the hinge's distance from the contact. What is not
-    known is left out.
+    along the flap towards the hinge and |L2| the hinge's distance from the contact. Its velocity
+    along z_S is that with which the contact, by all that moves it, stays across the hinge, k . v =
+    0: else it would slide along the edge. What is not known is left out.
 
     Input ports:
     - `joint_state_measured`: (2 n,) positions [rad] and velocities [rad/s].
@@ -95,9 +118,12 @@ class VisualServoing(LeafSystem):
       v_z.
     - `flap_angle_latest`: `FlapAngleBelief`. May stay unconnected.
     - `hinge_latest`: `HingeBelief`. May stay unconnected.
+    - `flap_plane_latest`: `FlapPlane`, to which the pad rolls before it touches. May stay
+      unconnected.
 
     Output ports:
-    - `visual_twist_desired`: (6,) V_WS_S, [rad/s, m/s]; zero without a contact.
+    - `visual_twist_desired`: (6,) V_WS_S, [rad/s, m/s]; without a contact it is zero, but for the
+      roll to a flap that is seen and was never touched.
 
     Frames: W world, S fingertip, C contact.
 
@@ -105,15 +131,16 @@ class VisualServoing(LeafSystem):
 
     Args:
         arm: The arm's own model, its end-effector the fingertip S.
+        reach: Of the pad from the fingertip's origin, along y_S, [m].
 
     Raises:
         ValueError: for an impossible config value.
     """
 
-    def __init__(self, config: VisualServoingConfig, arm: ArmModel) -> None:
+    def __init__(self, config: VisualServoingConfig, arm: ArmModel, reach: float) -> None:
         super().__init__()
         check(config, "VisualServoing")
-        self._config, self._arm = config, arm
+        self._config, self._arm, self._reach = config, arm, reach
         self._joints = self.DeclareVectorInputPort("joint_state_measured", 2 * arm.num_joints)
         self._contact = self.DeclareAbstractInputPort("contact_latest", Value[object]())
         self._feed = self.DeclareVectorInputPort("feed_forward", 1)
@@ -121,19 +148,27 @@ class VisualServoing(LeafSystem):
         self._projector = self.DeclareVectorInputPort("visual_projector", 6)
         self._angle = self.DeclareAbstractInputPort("flap_angle_latest", Value[object]())
         self._hinge = self.DeclareAbstractInputPort("hinge_latest", Value[object]())
+        self._plane = self.DeclareAbstractInputPort("flap_plane_latest", Value[object]())
         self.DeclareVectorOutputPort("visual_twist_desired", 6, self._calc_twist)
 
     def _calc_twist(self, context: Context, output: BasicVector) -> None:
         contact: Any = self._contact.Eval(context)
-        if not contact.touching:
-            output.SetFromVector(np.zeros(6))
-            return
         X_WS = self._arm.Evaluate(np.asarray(self._joints.Eval(context))).X_WE
         angle, hinge = (known_belief(port, context) for port in (self._angle, self._hinge))
+        projector = np.asarray(self._projector.Eval(context))
+        if not contact.touching:
+            plane: Any = self._plane.Eval(context) if self._plane.HasValue(context) else None
+            is_first = angle is None and plane is not None and plane.seen
+            output.SetFromVector(
+                approaching_twist(X_WS, plane.n_W, self._reach, projector, self._config)
+                if is_first
+                else np.zeros(6)
+            )
+            return
         feed = float(self._feed.Eval(context)[0])
-        slide = from_contact(np.asarray(self._tactile.Eval(context)), -contact.p_SC)[3]
-        V_WC_S = servoing_twist(X_WS, contact.p_SC, feed, slide, angle, hinge, self._config)
-        V_WC_S *= np.asarray(self._projector.Eval(context))
+        V_tactile = from_contact(np.asarray(self._tactile.Eval(context)), -contact.p_SC)
+        V_WC_S = servoing_twist(X_WS, contact.p_SC, feed, V_tactile[3:], angle, hinge, self._config)
+        V_WC_S *= projector
         output.SetFromVector(from_contact(V_WC_S, contact.p_SC))
 
 
@@ -141,7 +176,7 @@ def servoing_twist(
     X_WS: Array,
     p_SC: Array,
     feed: float,
-    slide: float,
+    v_tactile: Array,
     angle: Any,
     hinge: Any,
     config: VisualServoingConfig,
@@ -152,19 +187,23 @@ def servoing_twist(
         X_WS: Pose of the fingertip (4, 4).
         p_SC: The contact (3,), [m].
         feed: Its speed along x_S, [m/s].
-        slide: What touch adds to that, [m/s].
+        v_tactile: Velocity (3,) of the contact that touch asks for, in S, [m/s].
         angle: `FlapAngleBelief`; None if unknown.
         hinge: `HingeBelief`; None if unknown.
     """
     R_WS = X_WS[:3, :3]
     y_S, z_S = np.ascontiguousarray(R_WS.T)[1:]
-    w_W, distance = np.zeros(3), config.typical_distance
+    w_W, distance, along = np.zeros(3), config.typical_distance, 0.0
+    v_x = feed + float(v_tactile[0])
     if angle is not None and np.trace(angle.n_covariance) < config.uncertainty**2:
         w_W = config.roll_gain * roll_angle(y_S, z_S, angle.n_W) * z_S
     if hinge is not None:
         if np.trace(hinge.covariance[:3, :3]) < config.uncertainty**2:
             w_W = w_W + config.align_gain * cross(z_S, hinge.k_W)
+            k_x, k_y, k_z = np.ascontiguousarray(R_WS.T) @ hinge.k_W
+            if k_z > _ABOUT_PARALLEL:
+                along = -(k_x * v_x + k_y * float(v_tactile[1])) / k_z
         distance = fused_distance(X_WS[:3, 3] + R_WS @ p_SC, hinge, config)
     w_S = np.clip(R_WS.T @ w_W, -config.turn_limit, config.turn_limit)
-    arc = np.array([0.0, 0.0, (feed + slide) / distance])
-    return np.concatenate([w_S + arc, [feed, 0.0, 0.0]])
+    arc = np.array([0.0, 0.0, v_x / distance])
+    return np.concatenate([w_S + arc, [feed, 0.0, along]])

@@ -62,7 +62,7 @@ def true_displacement(scenario: Scenario, calibration: Calibration) -> Array:
     name, X_WBase = "arm", RigidTransform()
     if scenario.station == "robots":
         name, X_WBase = TOUCH_ARM, calibration.arms[TOUCH_ARM].X_WBase
-    true = draw_base(name, X_WBase, scenario.calibration.errors, scenario.seed)
+    true = draw_base(name, X_WBase, scenario.calibration.drawn_errors(scenario.seed), scenario.seed)
     return np.asarray((true @ X_WBase.inverse()).GetAsMatrix4())
 
 
@@ -76,7 +76,9 @@ def true_offset(scenario: Scenario, calibration: Calibration, X_WC: Array, p: Ar
         p: Where it sees the place (3,), [m].
     """
     ((name, believed),) = calibration.cameras.items()
-    camera = draw_camera(name, believed, scenario.calibration.errors, scenario.seed)
+    camera = draw_camera(
+        name, believed, scenario.calibration.drawn_errors(scenario.seed), scenario.seed
+    )
     mounting = (believed.X_PC.inverse() @ camera.X_PC).GetAsMatrix4()
     p_C = np.linalg.inv(X_WC) @ np.append(p, 1.0)
     p_C[:3] *= believed.depth_scale / camera.depth_scale

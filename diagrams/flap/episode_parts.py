@@ -55,7 +55,7 @@ TOPICS = {
     "cheat_fingertip_pose": Topic(name="/cheat/fingertip_pose"),
 }
 # Beliefs that control acts by: the station's inputs of these names.
-PERCEIVED = ("flap_angle_latest", "hinge_latest", "tool_latest")
+PERCEIVED = ("flap_angle_latest", "hinge_latest", "flap_plane_latest", "tool_latest")
 # What is left of an encoder's offset behind the gears once the joints are mastered, [rad].
 _JOINT_OFFSET = float(np.deg2rad(0.05))
 

@@ -14,6 +14,10 @@ from crossmodal.systems.depth_camera import DepthCamera
 from crossmodal.systems.flap.flap_angle import FlapAngleConfig, FlapAngleFilter
 from crossmodal.systems.flap.flap_geometry import HingeLimitsConfig
 from crossmodal.systems.flap.hinge.hinge_estimator import HingeEstimator, HingeEstimatorConfig
+from crossmodal.systems.flap.hinge.plane_intersection import (
+    PlaneIntersection,
+    PlaneIntersectionConfig,
+)
 from crossmodal.systems.flap.joint.flap_joint import FlapJoint
 from crossmodal.systems.flap.joint.flap_joint_model import FlapJointConfig
 from crossmodal.systems.flap.tool_kinematics import ToolKinematics, ToolKinematicsConfig
@@ -58,6 +62,7 @@ class PerceptionConfig:
     tracker: FlapTrackingConfig = field(default_factory=FlapTrackingConfig)
     limits: HingeLimitsConfig = field(default_factory=HingeLimitsConfig)
     hinge: HingeEstimatorConfig = field(default_factory=HingeEstimatorConfig)
+    planes: PlaneIntersectionConfig = field(default_factory=PlaneIntersectionConfig)
     angle: FlapAngleConfig = field(default_factory=FlapAngleConfig)
     joint: FlapJointConfig = field(default_factory=FlapJointConfig)
     tool: ToolKinematicsConfig = field(default_factory=ToolKinematicsConfig)
@@ -77,8 +82,9 @@ def make_estimator(
     `flap_angle_latest`, `flap_plane_latest`, `fingertip_contact_latest` and the streams' health.
 
     Args:
-        name: One of `ESTIMATORS`: `geometric` intersects the flap's planes and fits the contact's
-            circle, `filtered` asks the joint filters of the cross-modal network.
+        name: One of `ESTIMATORS`: `geometric` fits the flap's planes and the contact's circle,
+            `filtered` asks the joint filters of the cross-modal network, `planes` intersects the
+            flap's planes as the paper does.
         calibration: What the robots believe of their sensors.
         period: Of the ticks, [s].
 
@@ -95,8 +101,13 @@ def make_estimator(
         builder, config.images, calibration, {"depth": [tracker, registration]}, masked=tracker
     )
     tool = builder.AddNamedSystem("tool_kinematics", ToolKinematics(config.tool))
-    if name == "geometric":
-        hinge = builder.AddNamedSystem("hinge", HingeEstimator(config.hinge, config.limits))
+    if name != "filtered":
+        hinge = builder.AddNamedSystem(
+            "hinge",
+            HingeEstimator(config.hinge, config.limits)
+            if name == "geometric"
+            else PlaneIntersection(config.planes, config.limits),
+        )
         angle = builder.AddNamedSystem("flap_angle", FlapAngleFilter(config.angle, camera))
         connect_alike(builder, hinge, "hinge_estimated", angle, tool)
     else:
@@ -105,7 +116,8 @@ def make_estimator(
         connect_alike(builder, hinge, "hinge_estimated", tool)
     connect_alike(builder, angle, "flap_angle_estimated", tool)
     planes = (hinge,) if hinge is angle else (hinge, angle)
-    connect_alike(builder, registration, "displacements_estimated", hinge)
+    if name != "planes":
+        connect_alike(builder, registration, "displacements_estimated", hinge)
     connect_alike(builder, tracker, "flap_plane_estimated", *planes)
     connect_alike(builder, fingertip, "fingertip_contact_estimated", tracker, *planes, tool)
     connect_alike(builder, holder, "end_effector_estimated", tracker, tool)

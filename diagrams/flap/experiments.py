@@ -7,7 +7,7 @@ _REFERENCES = {
     "contact_position_rms": Reference(paper="< 1 mm", goal="1 mm"),
     "contact_position_offset": Reference(paper="4 mm"),
     "force_rms": Reference(goal="0.15 N"),
-    "normals_aligned_after": Reference(paper="8 s", goal="8 s"),
+    "aligned_after": Reference(paper="8 s", goal="5 s"),
     "axis_angle_error": Reference(paper="k · k_ref near 1", goal="2 deg"),
     "theta_rmse_visible": Reference(paper="plots only", goal="3 deg"),
     "theta_rmse_hidden": Reference(paper="plots only", goal="5 deg"),

@@ -19,6 +19,8 @@ from crossmodal.controllers.servoing.twist_to_joints import (
 from crossmodal.controllers.servoing.visual_servoing import VisualServoing, VisualServoingConfig
 from crossmodal.diagrams.stations.connections import connect_alike, export_input, export_outputs
 from crossmodal.maths.arrays import Array
+from crossmodal.maths.validation import number
+from crossmodal.systems.shared_settings import with_shared
 from crossmodal.systems.tactile.contact_features import ContactFeaturesConfig
 from crossmodal.systems.tactile.taxel_layout import TaxelLayout
 from crossmodal.systems.tactile.taxel_monitor import TaxelMonitor
@@ -26,6 +28,8 @@ from crossmodal.systems.tactile.taxel_monitor import TaxelMonitor
 
 @dataclass(kw_only=True)
 class FlipControlConfig:
+    # With which the finger presses on the flap's edge.
+    force: float = number(0.5, above=0.0, at_most=100.0, unit="N")
     features: ContactFeaturesConfig = field(default_factory=ContactFeaturesConfig)
     sequence: FlipSequenceConfig = field(default_factory=FlipSequenceConfig)
     tactile: TactileServoingConfig = field(default_factory=TactileServoingConfig)
@@ -46,7 +50,7 @@ def make_flip_control(
 
     Input ports:
     - `taxel_measured`, `joint_state_measured`: of the finger.
-    - `flap_angle_latest`, `hinge_latest`: beliefs, which may stay unconnected.
+    - `flap_angle_latest`, `hinge_latest`, `flap_plane_latest`: beliefs, which may stay unconnected.
 
     Output ports:
     - `joint_position_commanded`: (n,) of the finger's arm, [rad].
@@ -57,12 +61,15 @@ def make_flip_control(
         model: The arm's own model.
         q_initial: Posture in which the arm begins (n,), [rad].
     """
+    config = with_shared(config, force=config.force)
     builder, arm = DiagramBuilder(), ArmModel(model)
     add = builder.AddNamedSystem
     taxels = add("taxel_monitor", TaxelMonitor(config.features, layout))
     sequence = add("flip_sequence", FlipSequence(config.sequence, arm))
     tactile = add("tactile_servoing", TactileServoing(config.tactile, layout.semi_axes))
-    visual = add("visual_servoing", VisualServoing(config.visual, arm))
+    visual = add(
+        "visual_servoing", VisualServoing(config.visual, arm, reach=float(layout.semi_axes[1]))
+    )
     total = add("twist_sum", Adder(3, 6))
     joints = add("twist_to_joints", TwistToJoints(config.joints, arm, q_initial))
     # At one instant the monitor stores before the controllers step, so that this is the contact of
@@ -86,6 +93,7 @@ def make_flip_control(
     export_input(builder, "joint_state_measured", sequence, visual, joints)
     export_input(builder, "flap_angle_latest", sequence, visual)
     export_input(builder, "hinge_latest", sequence, visual)
+    export_input(builder, "flap_plane_latest", visual)
     export_input(builder, "taxel_measured", taxels)
     export_outputs(builder, joints, "joint_position_commanded")
     export_outputs(builder, sequence, "phase", "failure")

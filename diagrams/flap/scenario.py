@@ -90,10 +90,12 @@ class FingerConfig:
     )
     # Of the place of contact from the middle of the flap's free edge, towards the finger's arm.
     along_edge: float = number(0.055, at_least=-0.5, at_most=0.5, unit="m")
-    # Between the fingertip's surface and the free edge.
+    # Between the fingertip's surface and the free edge, along the pad's normal.
     clearance: float = number(0.03, above=0.0, at_most=0.5, unit="m")
     # Half range of each coordinate, by hand.
     placement: float = number(0.002, at_least=0.0, at_most=0.1, unit="m")
+    # Largest angle by which it is turned about the place of contact, by hand, about any axis.
+    rotation: float = number(0.0, at_least=0.0, at_most=45.0, unit="deg")
 
     def layout(self) -> TaxelLayout:
         """The taxels as the robot knows them."""
@@ -144,7 +146,7 @@ class Scenario(base.Scenario):
     """One kind of episode; with a seed, one episode."""
 
     calibration: CalibrationConfig = field(
-        default_factory=lambda: CalibrationConfig(errors=realistic_errors())
+        default_factory=lambda: CalibrationConfig(errors=realistic_errors(), spread=0.5)
     )
     plant: PlantConfig = field(default_factory=_plant)
     tool: ToolConfig = field(default_factory=ToolConfig)

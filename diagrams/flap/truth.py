@@ -20,9 +20,9 @@ class FlapTruth(Immutable):
         touching: Whether the fingertip touches the flap.
         p_WC: Centre of pressure of the contact (3,), [m]; NaN without one.
         p_SC: The same in the fingertip's frame (3,), [m].
-        n_W_contact: Outward normal (3,) of the fingertip, opposite to the mean direction of the
-            pressure; NaN without a contact.
+        Sy_W: Outward normal (3,) of the fingertip's pad, the y of S.
         force: Normal force, [N]; 0 without a contact.
+        edge_force: Of the flap on the fingertip along the axis, by friction, [N].
     """
 
     theta: float
@@ -32,8 +32,9 @@ class FlapTruth(Immutable):
     touching: bool
     p_WC: Array
     p_SC: Array
-    n_W_contact: Array
+    Sy_W: Array
     force: float
+    edge_force: float
 
 
 UNKNOWN_FLAP = FlapTruth(
@@ -44,6 +45,7 @@ UNKNOWN_FLAP = FlapTruth(
     touching=False,
     p_WC=np.full(3, np.nan),
     p_SC=np.full(3, np.nan),
-    n_W_contact=np.full(3, np.nan),
+    Sy_W=np.full(3, np.nan),
     force=0.0,
+    edge_force=0.0,
 )

@@ -67,13 +67,24 @@ class CalibrationConfig:
 
     Attributes:
         errors: With which the simulated truth is drawn around what the robot believes.
+        spread: By up to this share each of them is larger or smaller for a seed: what a robot
+            takes them to be is never quite right.
         believed: What the robot takes these to be: the covariances of its `Calibration`.
         noise: What the robot takes the noise of its sensors to be.
     """
 
     errors: CalibrationErrors = field(default_factory=CalibrationErrors)
+    spread: float = number(0.0, at_least=0.0, at_most=1.0)
     believed: CalibrationErrors = field(default_factory=realistic_errors)
     noise: SensorNoise = field(default_factory=SensorNoise)
+
+    def drawn_errors(self, seed: int) -> CalibrationErrors:
+        """The standard deviations from which a seed's true cameras and arms are drawn."""
+        draws = make_generator(seed, "calibration errors").uniform(
+            -1.0, 1.0, len(vars(self.errors))
+        )
+        sizes = zip(vars(self.errors).items(), 1.0 + self.spread * draws, strict=True)
+        return CalibrationErrors(**{name: std * size for (name, std), size in sizes})
 
 
 @dataclass(frozen=True, kw_only=True)

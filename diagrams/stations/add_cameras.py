@@ -162,7 +162,8 @@ def _add_camera(
     """
     builder, plant, scenario = wiring.builder, wiring.plant, wiring.scenario
     cameras, seed, period = wiring.calibration.cameras, scenario.seed, scenario.network_period
-    camera = draw_camera(name, cameras[name], scenario.calibration.errors, seed)
+    errors = scenario.calibration.drawn_errors(seed)
+    camera = draw_camera(name, cameras[name], errors, seed)
     owner, disturbances = owner_among(name, cameras), scenario.disturbances
     base = GetScopedFrameByName(plant, camera.base_frame)
     parent = plant.GetBodyFrameIdOrThrow(base.body().index())

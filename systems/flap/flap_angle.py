@@ -41,7 +41,7 @@ class FlapAngleConfig(Ticked):
     slip: float = number(0.004, at_least=1e-6, at_most=10.0, unit="rad")
     # Rate of a flap that nobody touches: it holds itself by friction.
     free_rate: float = number(0.1, at_least=0.0, at_most=100.0, unit="rad/s")
-    # Below this angle the flap is where it was touched first.
+    # Below this angle the flap is where it was touched first, if it was not seen before.
     at_rest: float = number(0.01, at_least=0.0, at_most=1.0, unit="rad")
     # Innovation in standard deviations from which a measurement counts for less.
     gate: float = number(3.0, above=0.0, at_most=100.0)
@@ -136,6 +136,20 @@ def correct(
     return replace(state, x=state.x + dx, P=P, measured=True)
 
 
+def see_untouched(
+    state: FlapAngleState, plane: FlapPlane, config: FlapAngleConfig
+) -> FlapAngleState:
+    """The state with the mean normal of a flap that nobody has touched, since it last moved."""
+    if not plane.seen:
+        return state
+    if state.n0_W is not None:
+        noise = float(np.linalg.eigvalsh(plane.covariance[:3, :3])[-1])
+        apart = float(np.linalg.norm(np.cross(state.n0_W, plane.n_W)))
+        if apart**2 > config.gate**2 * (noise + state.P[2, 2]):
+            state = UNTOUCHED
+    return see_first(state, plane, config)
+
+
 def see_first(state: FlapAngleState, plane: FlapPlane, config: FlapAngleConfig) -> FlapAngleState:
     """The state with the normal that angles are measured from, averaged while the flap rests."""
     at_rest = abs(state.x[0]) < config.at_rest
@@ -190,15 +204,16 @@ def update_angle(
 ) -> FlapAngleState:
     """The state after one tick."""
     dt = config.period
-    touching = contact.contact.touching
+    touching, was_known = contact.contact.touching, state.k_W is not None
     if not state.touched:
         if not touching:
-            return state
-        P = np.diag([config.slip**2 * dt, config.lever_error**2, 0.0])
-        state = replace(state, touched=True, P=P)
+            return see_untouched(state, plane, config)
+        # What yields to less than is sensed has turned already.
+        P = np.diag([config.slip**2 * dt, config.lever_error**2, state.P[2, 2]])
+        state = replace(state, touched=True, P=P, rest_images=0)
     elif touching:
         rate, variance, share = contact_rate(hinge, contact, state.n_W, config)
-        if hinge.known and state.k_W is None:
+        if hinge.known and not was_known:
             # From now on the rate is measured with this hinge's lever.
             P = state.P.copy()
             P[1], P[:, 1] = 0.0, 0.0
@@ -212,7 +227,8 @@ def update_angle(
     if plane.seen:
         state = see_first(state, plane, config)
         if state.k_W is not None:
-            state = correct(state, state.k_W, plane, touching, config)
+            # Before the axis was known the angle was that of an assumed lever.
+            state = correct(state, state.k_W, plane, touching and was_known, config)
     return with_normal(state, plane)
 
 

@@ -65,7 +65,8 @@ class MeasuringRig(RecursiveFilter):
         super().__init__()
         self._scenario, self._model = scenario, model
         self._camera, self._noise = calibration.cameras["camera"], calibration.noise
-        errors, seed = scenario.calibration.errors, scenario.seed
+        seed = scenario.seed
+        errors = scenario.calibration.drawn_errors(seed)
         self._true_camera: Camera = draw_camera("camera", self._camera, errors, seed)
         self._X_base = true_displacement(scenario, calibration)
         self._of_arm = finger_displacements(scenario)

@@ -64,7 +64,8 @@ def make_robot_station(scenario: Scenario, calibration: Calibration) -> Station:
             sensors, the true camera and where the arms truly stand are drawn.
         calibration: What the robots believe of themselves.
     """
-    errors, seed = scenario.calibration.errors, scenario.seed
+    seed = scenario.seed
+    errors = scenario.calibration.drawn_errors(seed)
     bases = {name: arm.X_WBase for name, arm in calibration.arms.items()}
     # W is where the camera's arm stands; how the two stand to each other is known up to errors.
     bases[TOUCH_ARM] = draw_base(TOUCH_ARM, bases[TOUCH_ARM], errors, seed)

@@ -108,7 +108,8 @@ def make_manipulation_station(
     Raises:
         ValueError: for impossible values, unknown names, a handle out of reach.
     """
-    thing, seed, errors = scenario.object, scenario.seed, scenario.calibration.errors
+    thing, seed = scenario.object, scenario.seed
+    errors = scenario.calibration.drawn_errors(seed)
     name = scenario.task.object or next(iter(scenario.objects))
     believed = calibration.arms[ARM].X_WBase
     X_WBase = draw_base(ARM, believed, errors, seed)

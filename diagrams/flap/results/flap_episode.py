@@ -29,8 +29,9 @@ class TrueFlap:
         touching: Whether the fingertip touches the flap.
         p_WC: Contact (T, 3), [m].
         p_SC: Contact on the fingertip (T, 3), [m].
-        n_W_contact: Outward normal (T, 3) of the fingertip at the contact.
+        Sy_W: Outward normal (T, 3) of the fingertip's pad, the y of S.
         force: Normal force of the contact, [N]; 0 without one.
+        edge_force: Of the flap on the fingertip along the axis, by friction, [N].
         p_WE: End-effector (T, 3) of the arm that holds the tool, [m].
         flipping: Whether the robot turns the flap, from when it began to when it ended; it may
             have lost the contact in between.
@@ -45,8 +46,9 @@ class TrueFlap:
     touching: Mask
     p_WC: Array
     p_SC: Array
-    n_W_contact: Array
+    Sy_W: Array
     force: Array
+    edge_force: Array
     p_WE: Array
     flipping: Mask
     retreated_at: float = np.inf

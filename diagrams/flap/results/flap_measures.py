@@ -28,7 +28,11 @@ class Servoing:
         contact_position_rms: Of the contact on the fingertip about its mean, after settling, [m].
         contact_position_offset: That mean's distance from the centre of the pad along x, [m].
         force_rms: Error of the normal force after settling, [N].
-        normals_aligned_after: From the beginning of the flipping until n · n_f is near zero, [s].
+        edge_slide: How far the contact moves along the axis while flipping, from end to end, [m].
+        edge_force: Friction along the axis after settling, RMS, [N].
+        misaligned_at_first: How far the pad's normal is from lying in the flap as the flipping
+            begins, [rad].
+        aligned_after: From then until it lies in it, to 6 deg, [s].
     """
 
     turned: float
@@ -36,7 +40,10 @@ class Servoing:
     contact_position_rms: float = float("nan")
     contact_position_offset: float = float("nan")
     force_rms: float = float("nan")
-    normals_aligned_after: float = float("nan")
+    edge_slide: float = float("nan")
+    edge_force: float = float("nan")
+    misaligned_at_first: float = float("nan")
+    aligned_after: float = float("nan")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -143,14 +150,19 @@ def measure_servoing(truth: TrueFlap, force_desired: float) -> Servoing:
     settled = (times >= times[0] + SETTLING) & touching
     p_SC = truth.p_SC[flipping][settled][:, [0, 2]]  # Across the pad's normal.
     centre = p_SC.mean(axis=0) if len(p_SC) else np.full(2, np.nan)
-    cosine = np.sum(truth.n_W_contact * truth.n_W, axis=1)[flipping]
+    cosine = np.sum(truth.Sy_W * truth.n_W, axis=1)[flipping]
+    along = np.sum((truth.p_WC - truth.p_WE) * truth.k_W, axis=1)[flipping]
+    along = along[np.isfinite(along)]
     return Servoing(
         turned=turned,
         longest_loss=longest_run(times, ~touching),
         contact_position_rms=rms(np.linalg.norm(p_SC - centre, axis=1)),
         contact_position_offset=float(centre[0]),
         force_rms=rms(truth.force[flipping][settled] - force_desired),
-        normals_aligned_after=aligned_after(times, cosine),
+        edge_slide=float(np.ptp(along)) if len(along) else float("nan"),
+        edge_force=rms(truth.edge_force[flipping][settled]),
+        misaligned_at_first=float(abs(np.arcsin(np.clip(cosine[0], -1.0, 1.0)))),
+        aligned_after=aligned_after(times, cosine),
     )
 
 

@@ -17,7 +17,10 @@ _OF_EPISODE = (
     ("contact_position_rms", "m", "contact position, RMS about its mean"),
     ("contact_position_offset", "m", "its mean, from the pad's centre along x"),
     ("force_rms", "N", "contact force error, RMS"),
-    ("normals_aligned_after", "s", "n · n_f near 0 within"),
+    ("misaligned_at_first", "rad", "angle between pad's normal and flap at first"),
+    ("aligned_after", "s", "pad's normal in the flap, to 6 deg, within"),
+    ("edge_slide", "m", "contact slides along the edge by"),
+    ("edge_force", "N", "friction along the edge, RMS"),
 )
 _OF_ESTIMATOR = (
     ("axis_angle_error", "rad", "axis direction error after 30 deg of turning"),

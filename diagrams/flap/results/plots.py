@@ -1,6 +1,7 @@
 """Draws an episode of the flap over time, as the paper's Figs. 6 to 11 do, and along its line."""
 
 from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import matplotlib as mpl
 import numpy as np
@@ -14,7 +15,9 @@ from crossmodal.diagrams.flap.results.flap_episode import FlapEpisode
 from crossmodal.maths.arrays import Array, Mask
 
 _XYZ = ("#CC3311", "#228833", "#0077BB")
-_STYLES = {"geometric": "-", "filtered": "--"}
+_STYLES = {"geometric": "-", "filtered": "--", "planes": ":"}
+_IN_WORDS = {"-": "full", "--": "dashed", ":": "dotted"}
+_THIN: dict[str, Any] = {"lw": 0.6, "alpha": 0.7}
 
 
 def hidden_spans(times: Array, seen: Mask) -> list[tuple[float, float]]:
@@ -25,35 +28,73 @@ def hidden_spans(times: Array, seen: Mask) -> list[tuple[float, float]]:
 
 
 def draw_servoing(episode: FlapEpisode) -> Figure | None:
-    """Where the contact is on the fingertip, how hard it presses and n · n_f, over time.
+    """Where the contact is on the fingertip, how hard it presses and y_S · n_f, over time.
 
+    Thin lines are what the robot has of it: by taxels, encoders and the estimator that it acts by.
     None where the robot never flipped the flap.
     """
     truth = episode.truth
     if not truth.flipping.any():
         return None
-    desired = episode.record.scenario.control.sequence.force
+    desired, sensed = episode.record.scenario.control.force, _sensed(episode)
     with mpl.rc_context(STYLE):
         figure = new_figure(9.0, 7.5)
         position, force, cosine = panels = figure.subplots(3, 1, sharex=True)
         for axis, name in ((0, "x"), (2, "z")):
             place = 1e3 * truth.p_SC[:, axis]
             position.plot(truth.times, place, color=_XYZ[axis], lw=1.3, label=name)
+            position.plot(sensed.times, 1e3 * sensed.p_SC[:, axis], color=_XYZ[axis], **_THIN)
         position.axhline(0.0, color=palette.TRUTH, lw=0.9)
-        position.set_title("true place of the contact on the fingertip, from the pad's centre [mm]")
+        position.set_title(
+            "place of the contact on the fingertip, from the pad's centre [mm] (thin: by taxels)"
+        )
         position.legend(loc="lower right", ncols=2)
         force.plot(truth.times, truth.force, color="#444444", lw=1.2)
+        force.plot(sensed.times, sensed.force, color="#444444", **_THIN)
         force.axhline(desired, color=palette.TRUTH, lw=0.9, ls="--")
-        force.set_title(f"true normal force [N] (dashed: the {desired:.2g} N that are asked for)")
-        product = np.sum(truth.n_W_contact * truth.n_W, axis=1)
+        force.set_title(
+            f"normal force [N] (thin: by taxels; dashed: the {desired:.2g} N that are asked for)"
+        )
+        product = np.sum(truth.Sy_W * truth.n_W, axis=1)
         cosine.plot(truth.times, product, color="#444444", lw=1.2)
+        cosine.plot(sensed.times, sensed.product, color="#444444", **_THIN)
         cosine.axhline(0.0, color=palette.TRUTH, lw=0.9)
-        cosine.set_title("n · n_f of the true normals")
+        cosine.set_title("y_S · n_f (thin: as encoders and estimator have it)")
         cosine.set_ylim(-1.0, 1.0)
         _limit_to_flipping(position, truth.p_SC[:, [0, 2]][truth.flipping] * 1e3, 1.0)
         _limit_to_flipping(force, np.append(truth.force[truth.flipping], [0.0, desired]), 0.1)
         _finish(panels, episode)
     return figure
+
+
+class _Sensed(NamedTuple):
+    """What the robot has of its contact at the ticks (T); NaN for what it does not know."""
+
+    times: Array
+    p_SC: Array
+    force: Array
+    product: Array
+
+
+def _sensed(episode: FlapEpisode) -> _Sensed:
+    ticks = [
+        tick
+        for found in list(episode.record.estimators.values())[:1]
+        for tick in found.ticks
+        if "fingertip_contact_latest" in tick.values and "flap_angle_latest" in tick.values
+    ]
+    fingers = [tick.values["fingertip_contact_latest"] for tick in ticks]
+    normals = [tick.values["flap_angle_latest"].n_W for tick in ticks]
+    touching = [finger.contact.touching for finger in fingers]
+    p_SC = [
+        np.where(is_on, f.contact.p_SC, np.nan) for is_on, f in zip(touching, fingers, strict=True)
+    ]
+    return _Sensed(
+        times=np.array([tick.time for tick in ticks]),
+        p_SC=np.array(p_SC, dtype=float).reshape(-1, 3),
+        force=np.array([f.contact.force if f.contact.touching else 0.0 for f in fingers]),
+        product=np.array([f.X_WS[:3, 1] @ n for f, n in zip(fingers, normals, strict=True)]),
+    )
 
 
 def draw_angle(episode: FlapEpisode) -> Figure | None:
@@ -114,10 +155,12 @@ def draw_tool(episode: FlapEpisode) -> Figure | None:
         panels[0].set_title("k · k_ref")
         panels[0].set_ylim(0.9, 1.005)
         panels[0].legend(loc="lower right", ncols=2)
+        lines = ", ".join(
+            f"{LABELS.get(name, name)} {_IN_WORDS[_STYLES.get(name, ':')]}"
+            for name in episode.series
+        )
         for axes, vector in ((panels[1], "L1"), (panels[2], "L2")):
-            axes.set_title(
-                f"error of {vector} [mm] along x (red), y (green), z (blue); dashed: joint filters"
-            )
+            axes.set_title(f"error of {vector} [mm] along x (red), y (green), z (blue): {lines}")
             axes.axhline(0.0, color=palette.TRUTH, lw=0.9)
             axes.set_ylim(-25.0, 25.0)
         _finish(panels, episode)

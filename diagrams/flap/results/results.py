@@ -40,7 +40,7 @@ def evaluate(record: EpisodeRecord) -> Results:
 
     episode = flap_episode(record)
     scenario, truth = record.scenario, episode.truth
-    servoing = measure_servoing(truth, scenario.control.sequence.force)
+    servoing = measure_servoing(truth, scenario.control.force)
     judged = can_be_judged(truth)
     faults = fault_spans(record)
     return Results(
@@ -135,8 +135,11 @@ def report(summary: Mapping[str, Any]) -> list[str]:
         f" {value('longest_loss', 1.0, 's')} without contact;",
         f"contact on the fingertip {value('contact_position_rms', 1e3, 'mm')} RMS about"
         f" {value('contact_position_offset', 1e3, 'mm')} along x,"
-        f" force {value('force_rms', 1.0, 'N')} RMS off,"
-        f" normals aligned after {value('normals_aligned_after', 1.0, 's')}.",
+        f" force {value('force_rms', 1.0, 'N')} RMS off;",
+        f"it slides along the edge by {value('edge_slide', 1e3, 'mm')}, friction along the edge"
+        f" {value('edge_force', 1.0, 'N')} RMS;",
+        f"the pad's normal is {value('misaligned_at_first', 180.0 / np.pi, 'deg')} out of the flap"
+        f" at first, and in it after {value('aligned_after', 1.0, 's')}.",
         *(_recovery_line(jerk) for jerk in flap.get("jerks", [])),
         "",
         "The tool, against the truth:",

@@ -79,11 +79,7 @@ class FlapTruthSource(LeafSystem):
         X_WS, X_WJ = self._pose(context, "S"), self._pose(context, "J")
         pressure = pressure_on(self._contacts.Eval(context), self._skin, X_WS)
         force = float(np.sum(pressure.force))
-        p_SC = n_W_contact = np.full(3, np.nan)
-        if force > 0.0:
-            p_SC = pressure.force @ pressure.p_SQ / force
-            n_S = pressure.force @ pressure.n_S
-            n_W_contact = X_WS.rotation() @ (n_S / np.linalg.norm(n_S))
+        p_SC = pressure.force @ pressure.p_SQ / force if force > 0.0 else np.full(3, np.nan)
         p_WC = X_WS @ p_SC
         k_W, p_WJ = X_WJ.rotation() @ self._axis, X_WJ.translation()
         near = p_WC if force > 0.0 else X_WS.translation()
@@ -95,8 +91,9 @@ class FlapTruthSource(LeafSystem):
             touching=force > 0.0,
             p_WC=p_WC,
             p_SC=p_SC,
-            n_W_contact=n_W_contact,
+            Sy_W=X_WS.rotation().matrix()[:, 1].copy(),
             force=force,
+            edge_force=float(k_W @ (X_WS.rotation() @ pressure.f_S)),
         )
 
 

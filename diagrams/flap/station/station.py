@@ -59,7 +59,8 @@ def make_flap_station(scenario: Scenario, calibration: Calibration) -> FlapStati
     `holder_joint_state_window`, `finger_joint_state_window`, `taxel_window`, `taxel_measured`,
     `tip_estimated`, `task_status`, `cheat_flap`, `cheat_edge_pose` (of the tool's frame `edge`),
     `cheat_end_effector_pose` (of the holder), `cheat_fingertip_pose`, `cheat_query_object`.
-    Input ports, which may stay unconnected: `flap_angle_latest`, `hinge_latest`, `tool_latest`.
+    Input ports, which may stay unconnected: `flap_angle_latest`, `hinge_latest`,
+    `flap_plane_latest`, `tool_latest`.
 
     Args:
         scenario: With its seed, by which the tool and how it is held, the noise of all sensors,
@@ -69,7 +70,8 @@ def make_flap_station(scenario: Scenario, calibration: Calibration) -> FlapStati
     Raises:
         ValueError: for impossible values, and for a tool out of reach or out of a camera's sight.
     """
-    errors, seed = scenario.calibration.errors, scenario.seed
+    seed = scenario.seed
+    errors = scenario.calibration.drawn_errors(seed)
     bases = {
         name: draw_base(name, arm.X_WBase, errors, seed) for name, arm in calibration.arms.items()
     }

@@ -21,8 +21,8 @@ from crossmodal.systems.shared_settings import with_shared
 def add_flip_control(wiring: StationWiring, encoders: JointEncoders, taxels: OutputPort) -> Diagram:
     """Adds what moves the fingertip.
 
-    Inputs `flap_angle_latest` and `hinge_latest` of the station say what is perceived; they may
-    stay unconnected.
+    Inputs `flap_angle_latest`, `hinge_latest` and `flap_plane_latest` of the station say what is
+    perceived; they may stay unconnected.
 
     Args:
         encoders: Of the finger's arm.
@@ -44,6 +44,7 @@ def add_flip_control(wiring: StationWiring, encoders: JointEncoders, taxels: Out
     builder.ExportOutput(taxels, "taxel_measured")
     export_input(builder, "flap_angle_latest", control)
     export_input(builder, "hinge_latest", control)
+    export_input(builder, "flap_plane_latest", control)
     return control
 
 

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
 from crossmodal.diagrams.flap.scenario import Scenario
@@ -44,22 +45,32 @@ def draw_tool(scenario: Scenario, reach: float) -> ToolPlacement:
     tool, finger, vary = scenario.tool, scenario.finger, scenario.tool.variation
     rng = make_generator(scenario.seed, "tool")
     half = rng.uniform(-1.0, 1.0, 10)
+    R_EdgeS = _FINGER @ _by_hand(scenario)
     angles = np.deg2rad(vary.angles * half[:3])
     texture = str(rng.choice(vary.textures)) if vary.textures else ""
     wiper = draw_wiper(tool.wiper, make_generator(scenario.seed, "wiper"))
     model: Path | str = Path(tool.model) if tool.model else wiper_sdf(wiper)
     placed = finger.placement * half[7:10]
     p_EdgeTouch = np.array([0.0, finger.along_edge, -reach])
-    p_EdgeS = p_EdgeTouch - [0.0, 0.0, finger.clearance] + placed
+    before = R_EdgeS @ np.array([0.0, -reach - finger.clearance, 0.0])
+    p_EdgeS = np.array([0.0, finger.along_edge, 0.0]) + before + placed
     return ToolPlacement(
         model=model,
         X_WM=RigidTransform(RollPitchYaw(angles), tool.position + vary.position * half[3:6]),
         thickness=wiper.bar if tool.thickness is None else tool.thickness,
         texture=texture,
         X_HandleE=RigidTransform(_HAND, np.array([0.0, 0.0, vary.grip * half[6]])),
-        X_EdgeS=RigidTransform(_FINGER, p_EdgeS),
+        X_EdgeS=RigidTransform(R_EdgeS, p_EdgeS),
         X_EdgeTouch=RigidTransform(_FINGER, p_EdgeTouch),
     )
+
+
+def _by_hand(scenario: Scenario) -> RotationMatrix:
+    """How the finger is turned against the edge: about any axis, by up to the scenario's angle."""
+    rng = make_generator(scenario.seed, "finger")
+    axis = rng.standard_normal(3)
+    angle = np.deg2rad(scenario.finger.rotation) * rng.uniform(0.0, 1.0)
+    return RotationMatrix(AngleAxis(angle, axis / np.linalg.norm(axis)))
 
 
 def _rotation(x: Array, y: Array) -> RotationMatrix:

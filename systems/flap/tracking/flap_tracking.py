@@ -44,6 +44,9 @@ from crossmodal.systems.port_values import (
 )
 from crossmodal.systems.recursive_filter import RecursiveFilter
 
+# So many lengths of the flap are looked at ahead of a pad that is still away from the edge.
+_BEFORE_TOUCH = 1.5
+
 
 @dataclass(frozen=True, kw_only=True)
 class FlapTrack(Immutable):
@@ -69,24 +72,35 @@ class FlapTrack(Immutable):
 
 
 def choose_flap(
-    parts: Parts, track: FlapTrack, touched: bool, camera: DepthCamera, config: FlapTrackingConfig
+    parts: Parts,
+    track: FlapTrack,
+    camera: DepthCamera,
+    config: FlapTrackingConfig,
+    *,
+    is_touched: bool,
+    is_ahead: bool,
 ) -> PlaneFit | str:
     """The flap among the tool's flat parts, or why it is not known.
 
-    Of two parts it is the one that is seen ahead of the pad, which pushes the flap's edge; while
-    nothing is touched the flap may be anywhere, and it is the one that faces elsewhere than what
-    was seen at rest. A single one is the flap if it does; else both parts are parallel still, and
-    what lies ahead of the pad is the flap.
+    Of two parts it is the one that is seen ahead of the pad, which pushes the flap's edge; once
+    that was lost the flap may be anywhere, and it is the one that faces elsewhere than what was
+    seen at rest. A single one is the flap if it does; else both parts are parallel still, and what
+    lies ahead of the pad is the flap.
+
+    Args:
+        is_touched: Whether the pad touches the flap.
+        is_ahead: Whether the flap is ahead of the pad: it is touched, or has not been yet.
     """
     if not parts.fits:
         return "no flat surface"
     if track.p_WC is None or track.y_W is None:
-        return "not touched yet"
+        return "where the finger is is not known"
     R = camera.X_WC[:3, :3]
     p_CQ = R.T @ (track.p_WC - camera.X_WC[:3, 3])
-    near = ahead(parts.image, p_CQ, R.T @ track.y_W, config.region.flap_length)
+    length = config.region.flap_length * (1.0 if is_touched else _BEFORE_TOUCH)
+    near = ahead(parts.image, p_CQ, R.T @ track.y_W, length)
     rest = None if track.rest_W is None else -R.T @ track.rest_W
-    if len(parts.fits) == 2 and (touched or rest is None):
+    if len(parts.fits) == 2 and (is_ahead or rest is None):
         seen = [int(np.sum(fit.pixels & near)) for fit in parts.fits]
         return parts.fits[int(np.argmax(seen))] if max(seen) > 0 else "hidden by the finger"
     fit = parts.fits[0]
@@ -94,7 +108,7 @@ def choose_flap(
         fit = max(parts.fits, key=lambda fit: angle_between(fit.m_C, rest))
         if angle_between(fit.m_C, rest) > config.least_angle:
             return fit
-    if not touched:
+    if not is_ahead:
         return "one surface only"
     return _ahead_of_pad(parts, fit, near, config) or "too few points"
 
@@ -188,7 +202,11 @@ def track_flap(
         track = replace(track, images=images, noise_scale=before + (measured - before) / images)
     if track.rest_W is None and len(parts.fits) == 1:
         track = replace(track, rest_W=-camera.X_WC[:3, :3] @ _unit(parts.fits[0].m_C))
-    flap = choose_flap(parts, track, touched, camera, config)
+    pointing = track
+    if track.p_WC is None and np.isfinite(contact.X_WS).all():
+        pointing = replace(track, p_WC=contact.X_WS[:3, 3], y_W=contact.X_WS[:3, 1])
+    is_ahead = touched or track.p_WC is None
+    flap = choose_flap(parts, pointing, camera, config, is_touched=touched, is_ahead=is_ahead)
     if isinstance(flap, str):
         return replace(track, plane=unseen(flap))
     p_WC = track.p_WC if touched else None
@@ -200,7 +218,7 @@ class FlapTracker(RecursiveFilter):
 
     Of what lies in a region, without the robot, the normals' histogram shows one or two flat parts.
     The part that stands still is known from when there was one only; the other is the flap, also
-    when its back is seen. While both are parallel, touch says which of the points are the flap's.
+    when its back is seen. While both are parallel, what is ahead of the pad is the flap's.
 
     Input ports:
     - `depth_measured`: `StampedImage` of an `ImageDepth32F`, [m]; 0, NaN or inf is no return.

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from crossmodal.controllers.servoing.twists import from_contact
 from crossmodal.controllers.servoing.visual_servoing import (
     VisualServoingConfig,
+    approaching_twist,
     fused_distance,
     hinge_distance,
     roll_angle,
@@ -47,8 +49,8 @@ def rolled(angle: float) -> np.ndarray:
     return X
 
 
-def twist(X_WS: np.ndarray, feed: float = 0.0, slide: float = 0.0, angle=None, axis=None):  # type: ignore[no-untyped-def]
-    return servoing_twist(X_WS, P_SC, feed, slide, angle, axis, CONFIG)
+def twist(X_WS: np.ndarray, feed=0.0, slide=0.0, rise=0.0, angle=None, axis=None):  # type: ignore[no-untyped-def]
+    return servoing_twist(X_WS, P_SC, feed, np.array([slide, rise, 0.0]), angle, axis, CONFIG)
 
 
 def test_the_target_is_along_the_flap_to_the_hinge() -> None:
@@ -110,3 +112,29 @@ def test_the_finger_aligns_with_the_hinge() -> None:
         V = twist(X, axis=hinge(k_W))
         X = X @ se3.exp(0.05 * np.concatenate([V[:3], np.zeros(3)]))
     assert np.arccos(min(1.0, X[:3, 2] @ k_W)) < 0.1 * start
+
+
+@pytest.mark.parametrize("off", [np.zeros(3), np.array([0.1, 0.2, -0.3])])
+def test_the_contact_does_not_slide_along_the_hinge(off: np.ndarray) -> None:
+    X = X_WS_START.copy()
+    X[:3, :3] = X[:3, :3] @ se3.so3_exp(off)
+    V = twist(X, feed=0.007, slide=-0.002, rise=0.001, axis=hinge())
+    v_W = X[:3, :3] @ (V[3:] + np.array([-0.002, 0.001, 0.0]))
+    assert v_W @ K_W == pytest.approx(0.0, abs=1e-15)
+    assert V[3] == pytest.approx(0.007)
+    assert twist(X, feed=0.007)[5] == 0.0
+
+
+@pytest.mark.parametrize("error", [-0.3, 0.2])
+def test_before_it_touches_the_pad_turns_to_the_flap_about_the_edge(error: float) -> None:
+    n_W, reach = flap(0.0).n_W, 0.01
+    edge = np.array([0.0, reach + CONFIG.edge_distance, 0.0])
+    X = rolled(error)
+    p_W = X[:3, 3] + X[:3, :3] @ edge
+    for _ in range(200):
+        V = approaching_twist(X, n_W, reach, np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0]), CONFIG)
+        assert abs(V[2]) <= CONFIG.turn_limit
+        assert_allclose(from_contact(V, -edge)[3:], 0.0, atol=1e-15)
+        X = X @ se3.exp(0.02 * V)
+    assert_allclose(X[:3, 3] + X[:3, :3] @ edge, p_W, atol=1e-9)
+    assert abs(roll_angle(X[:3, 1], X[:3, 2], n_W)) < 0.05 * abs(error)

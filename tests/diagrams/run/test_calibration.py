@@ -9,6 +9,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 
 from crossmodal.diagrams.run.calibration import (
     Calibration,
+    CalibrationConfig,
     CalibrationErrors,
     Camera,
     calibrated,
@@ -163,6 +164,25 @@ def test_a_share_that_could_turn_a_camera_inside_out_is_refused(name: str) -> No
     setattr(errors, name, 0.2)
     with pytest.raises(ValueError, match=rf"{name} = 0\.2, need >= 0, < 0\.2$"):
         check(errors, "calibration.errors")
+
+
+def test_the_size_of_the_errors_is_drawn_around_what_it_is_taken_to_be() -> None:
+    given = realistic_errors()
+    exact = CalibrationConfig(errors=given).drawn_errors(seed=1)
+    assert exact == given
+    config = CalibrationConfig(errors=given, spread=0.5)
+    shares = np.array(
+        [
+            [
+                drawn / std
+                for drawn, std in zip(vars(one).values(), vars(given).values(), strict=True)
+            ]
+            for one in (config.drawn_errors(seed) for seed in range(200))
+        ]
+    )
+    assert 0.5 <= shares.min() < 0.52
+    assert 1.48 < shares.max() <= 1.5
+    assert_allclose(shares.mean(axis=0), 1.0, atol=0.1)
 
 
 def test_realistic_errors_are_possible() -> None:

@@ -143,7 +143,8 @@ def make_calibration(scenario: TwoArms) -> Calibration:
 
 
 def make_station(scenario: TwoArms, calibration: Calibration) -> Station:
-    errors, seed, sensors = scenario.calibration.errors, scenario.seed, scenario.sensors
+    seed, sensors = scenario.seed, scenario.sensors
+    errors = scenario.calibration.drawn_errors(seed)
     bases = {
         side: draw_base(side, arm.X_WBase, errors, seed) for side, arm in calibration.arms.items()
     }

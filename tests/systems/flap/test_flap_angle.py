@@ -148,6 +148,36 @@ def test_nothing_is_known_before_the_first_touch() -> None:
     assert not read_angle(state, lab.camera).known
 
 
+@pytest.mark.parametrize("swing", [0.0, 0.15, -0.2])
+def test_a_loose_flap_counts_from_where_it_hung_although_nobody_felt_it_swing(swing: float) -> None:
+    """A finger that is not felt yet has turned it by `swing`; then it is turned by 40 deg."""
+    squares = []
+    for seed in range(6):
+        lab, state = Laboratory(seed, EXACT), UNTOUCHED
+        for _ in range(30):
+            plane = lab.plane(0.0)
+            state = update_angle(state, plane, UNKNOWN_FINGERTIP, UNKNOWN_HINGE, CONFIG)
+        rate = 0.2
+        for k in range(50):
+            theta = swing + rate * k * PERIOD
+            hinge = _true_hinge(lab) if k > 15 else UNKNOWN_HINGE
+            contact = lab.contact(theta, rate if k else 0.0)
+            state = update_angle(state, lab.plane(theta), contact, hinge, CONFIG)
+        belief = read_angle(state, lab.camera)
+        squares.append((belief.theta - theta) ** 2 / belief.variance)
+        assert belief.theta == pytest.approx(theta, abs=0.02)
+    assert np.mean(squares) < 2.5
+
+
+def test_a_flap_that_is_moved_before_the_first_touch_counts_from_where_it_is_then() -> None:
+    lab, state = Laboratory(0, EXACT), UNTOUCHED
+    for k in range(40):
+        plane = lab.plane(0.0 if k < 20 else 0.3)
+        state = update_angle(state, plane, UNKNOWN_FINGERTIP, UNKNOWN_HINGE, CONFIG)
+    assert state.rest_images == 20
+    assert state.n0_W @ lab.tool.plane(0.3, lab.X_WC_true[:3, 3])[0] > np.cos(0.02)
+
+
 def test_whole_episodes_are_followed_to_a_degree_seen_and_to_two_hidden() -> None:
     for seed in (0, 4):
         episode = run(Laboratory(seed))

@@ -39,8 +39,9 @@ def true_flap(**changed):
         "touching": np.ones(len(TIMES), bool),
         "p_WC": every_tick([0.5, 0.0, 0.32]),
         "p_SC": every_tick([0.002, 0.01, 0.0]),
-        "n_W_contact": every_tick(Y),
+        "Sy_W": every_tick(Y),
         "force": np.full(len(TIMES), 0.5),
+        "edge_force": np.zeros(len(TIMES)),
         "p_WE": every_tick([0.5, 0.0, 0.7]),
         "flipping": np.ones(len(TIMES), bool),
     }
@@ -98,6 +99,25 @@ def test_normals_are_aligned_once_they_stay_so_for_a_second():
     cosine[90:] = 0.05
     assert aligned_after(TIMES, cosine) == pytest.approx(90 / 15)
     assert np.isnan(aligned_after(TIMES, np.full(len(TIMES), 0.5)))
+
+
+def test_a_finger_that_is_rolled_away_from_the_flap_is_not_aligned_whatever_it_presses_on():
+    roll = np.deg2rad(20.0) * np.clip(1.0 - TIMES / 6.0, 0.0, 1.0)
+    Sy_W = np.column_stack([np.sin(roll), np.cos(roll), 0.0 * roll])
+    servoing = measure_servoing(true_flap(Sy_W=Sy_W), 0.5)
+    assert servoing.misaligned_at_first == pytest.approx(np.deg2rad(20.0))
+    # 6 deg, whose sine is 0.1, are left after 71 % of 6 s.
+    assert servoing.aligned_after == pytest.approx(6.0 * (1.0 - 5.74 / 20.0), abs=0.07)
+
+
+def test_a_slide_along_the_edge_is_that_of_the_contact_against_the_tool():
+    slide = np.linspace(0.0, 0.004, len(TIMES))[:, None] * Y
+    p_WE, p_WC = every_tick([0.5, 0.0, 0.7]), every_tick([0.5, 0.0, 0.32])
+    assert measure_servoing(true_flap(p_WC=p_WC + slide), 0.5).edge_slide == pytest.approx(0.004)
+    carried = true_flap(p_WC=p_WC + slide, p_WE=p_WE + slide)
+    assert measure_servoing(carried, 0.5).edge_slide == pytest.approx(0.0, abs=1e-9)
+    friction = true_flap(edge_force=np.full(len(TIMES), -0.3))
+    assert measure_servoing(friction, 0.5).edge_force == pytest.approx(0.3)
 
 
 def test_an_episode_that_never_flips_has_no_figures_of_it():
@@ -176,8 +196,9 @@ def touched_but(*gaps: tuple[float, float]):
         touching=touching,
         p_WC=np.where(touching[:, None], [0.5, 0.0, 0.32], np.nan),
         p_SC=unknown,
-        n_W_contact=unknown,
+        Sy_W=unknown,
         force=np.where(touching, 0.5, 0.0),
+        edge_force=np.zeros(len(TIMES)),
         p_WE=unknown,
         flipping=np.ones(len(TIMES), bool),
     )

@@ -77,11 +77,26 @@ def test_planes_are_as_wrong_as_they_say() -> None:
     assert low < total < high
 
 
-def test_nothing_is_reported_before_the_tool_was_touched() -> None:
+def test_nothing_is_reported_of_a_flap_to_which_no_finger_points() -> None:
     tracker = Tracker()
-    assert tracker.track.plane.why == "not touched yet"
+    assert tracker.track.plane.why == "where the finger is is not known"
     assert tracker.track.rest_W is not None
     assert angle_between(tracker.track.rest_W, tracker.lab.tool.frame(0.0)[:, 1]) < 0.03
+
+
+@pytest.mark.parametrize("hangs", [0.0, 4.0])
+def test_a_flap_that_was_never_touched_is_what_lies_ahead_of_the_finger(hangs: float) -> None:
+    """A loose one need not hang parallel to the bracket; the finger waits 3 cm before its edge."""
+    tracker = Tracker()
+    theta = np.deg2rad(hangs)
+    X_WS = tracker.lab.contact(theta, 0.0).X_WS.copy()
+    X_WS[:3, 3] -= 0.04 * X_WS[:3, 1]
+    depth = measured_depth(ideal_depth(tracker.lab.tool, theta, tracker.lab.X_WC_true), tracker.rng)
+    p_WE = tracker.lab.tool.p_WK + np.array([0.0, 0.0, 0.1])
+    finger = replace(UNKNOWN_FINGERTIP, X_WS=X_WS)
+    tracker.track = track_flap(tracker.track, depth, None, p_WE, finger, tracker.lab.camera, CONFIG)
+    assert tracker.track.plane.seen, tracker.track.plane.why
+    assert np.linalg.norm(tracker.error(hangs)[:3]) < 0.06
 
 
 def test_one_surface_that_nobody_touches_is_not_the_flap() -> None:

@@ -520,10 +520,13 @@ class Repair:
                 if key in limit.attrib and not np.isfinite(values[key]):
                     del limit.attrib[key]
             if values["lower"] > values["upper"]:
-                raise ValueError(
-                    f"{self._source}: joint '{joint.get('name')}': its lower limit"
-                    f" {values['lower']:g} is above its upper limit {values['upper']:g}; swap them"
-                )
+                self._warn(f"joint '{joint.get('name')}': lower limit above the upper, so swapped")
+                for key, other in (("lower", "upper"), ("upper", "lower")):
+                    node, value = limit.find(key), repr(values[other])
+                    if node is None:
+                        limit.set(key, value)
+                    else:
+                        node.text = value
 
     def _number(self, text: str | None, joint: Element, usual: float) -> float:
         try:

@@ -134,10 +134,20 @@ def test_limits_of_joints_that_have_none_do_not_matter(kind: str, tmp_path: Path
     assert looked_into(tmp_path, sideboard(more=more)).joints[1].name == "turn"
 
 
+def test_limits_in_the_wrong_order_are_swapped(tmp_path: Path) -> None:
+    found = looked_into(tmp_path, sideboard(limit='<limit lower="0.3" upper="0"/>'))
+    assert (found.joints[0].lower, found.joints[0].upper) == (0.0, 0.3)
+    assert "joint 'runner': lower limit above the upper, so swapped" in found.warnings
+    sdf = """<sdf version="1.9"><model name="m"><link name="a"/><link name="b"/>
+    <joint name="runner" type="prismatic"><parent>a</parent><child>b</child><axis><xyz>1 0 0</xyz>
+    <limit><lower>0</lower><upper>-0.3</upper></limit></axis></joint></model></sdf>"""
+    found = inspect_model(written(tmp_path, sdf, "m.sdf"))
+    assert (found.joints[0].lower, found.joints[0].upper) == (-0.3, 0.0)
+
+
 @pytest.mark.parametrize(
     ("limit", "message"),
     [
-        ('<limit lower="0.3" upper="0"/>', "joint 'runner': its lower limit 0.3 is above .* swap"),
         ('<limit lower="nan" upper="1"/>', "joint 'runner': 'nan' must be a number"),
         ('<limit lower="0" upper="0.3"/><dynamics damping="-1"/>', "sideboard.urdf: cannot be"),
         ('<limit lower="0" upper="1"/><mimic joint="x" offset="nan"/>', "'nan' must be a number"),

@@ -22,12 +22,14 @@ class Bar:
         clearance: Free space behind it, against the frame's x, [m]; infinite where nothing is.
         tilt: From the frame's y to its direction, [rad].
         distance: From the frame's origin to it, 0 inside of it, [m].
+        middle: Of its section (3,), in the frame, [m].
     """
 
     thickness: Array
     clearance: float
     tilt: float
     distance: float
+    middle: Array
 
 
 def bar_at(solid: trimesh.Trimesh, reach: float) -> Bar | None:
@@ -57,7 +59,9 @@ def bar_at(solid: trimesh.Trimesh, reach: float) -> Bar | None:
     way = along[-1] - along[1] if len(along) > 2 else along[-1] - along[0]
     tilt = float(np.arctan2(np.hypot(way[0], way[2]), abs(way[1]))) if np.any(way) else 0.0
     thickness = np.ptp(here, axis=0)[[0, 2]] * np.cos(tilt)
-    return Bar(thickness=thickness, clearance=clearance, tilt=tilt, distance=distance)
+    return Bar(
+        thickness=thickness, clearance=clearance, tilt=tilt, distance=distance, middle=along[0]
+    )
 
 
 def faults_of_bar(bar: Bar, can: GraspRange) -> list[str]:
@@ -107,7 +111,8 @@ def _section(
     labels = _connected(segments)
     pieces = [_points(segments[labels == label]) for label in range(labels.max() + 1)]
     distances = [_distance(piece[:, [0, 2]], point[[0, 2]]) for piece in pieces]
-    nearest = int(np.argmin(distances))
+    # Of those whose bounds hold the point, the bar is the smallest.
+    nearest = min(range(len(pieces)), key=lambda k: (distances[k], np.ptp(pieces[k], axis=0).max()))
     low, high = pieces[nearest].min(axis=0), pieces[nearest].max(axis=0)
     others = [
         piece

@@ -1,6 +1,6 @@
 """Parts of a model that look like handles, and from where a hand comes to them."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import trimesh
@@ -9,41 +9,61 @@ from trimesh.intersections import slice_mesh_plane
 
 from crossmodal.maths.arrays import Array
 
-_SHORTEST, _LONGEST, _SLENDER = 0.08, 1.0, 2.0  # Of a handle, [m]; its length over its thickness.
+SHORTEST, _LONGEST, _SLENDER = 0.08, 1.0, 2.0  # Of a handle, [m]; its length over its thickness.
+_LEAST = 0.01  # Of a knob, [m].
 _AROUND = 0.25  # Of a bar, what it may be fixed to and what may be in the way, to each side, [m].
 _HAND = 0.05  # Half width of what must be free before a handle, [m].
 _AHEAD = 0.2  # How far before it, [m].
 _SAMPLES = 4000  # Of what may be in the way.
 _TURN = np.pi / 8  # Between directions that are tried, [rad].
+_ACROSS = np.sqrt(0.5)  # Least part of a bar's way that is across it.
+_Way = Callable[[Array], tuple[Array, bool]]  # See `bars_of`.
 
 
 def bars_of(
-    solid: trimesh.Trimesh, whole: trimesh.Trimesh, axes: Array
+    solid: trimesh.Trimesh, whole: trimesh.Trimesh, axes: Array, way: _Way
 ) -> Iterator[tuple[Array, float]]:
     """Pose (4, 4) and length [m] of each part that is long and thin, and that a hand gets to.
 
-    In the pose x is out of what the bar is fixed to, as far as that is free, and y along the bar.
+    In the pose y is along the bar, and x where the joint lets it go, as far as that is free. Short
+    parts may be knobs.
 
     Args:
         solid: Of bodies that are fixed to each other.
         whole: Of the model, in the same frame.
         axes: Columns (3, 3), along which the bars' y rather point than against them.
+        way: Of a place (3,), the unit vector (3,) in which it can go, and whether also against it.
     """
-    parts = solid.split(only_watertight=False)
+    parts = _parts(solid)
     for k, part in enumerate(parts):
         middle, y, length, width = _along(part)
         y = y * np.sign(max(axes.T @ y, key=abs))
-        if not _SHORTEST <= length <= _LONGEST or length < _SLENDER * width:
+        is_knob = _LEAST <= length < SHORTEST
+        if not is_knob and not (SHORTEST <= length <= _LONGEST and length >= _SLENDER * width):
             continue
         others = [other for i, other in enumerate(parts) if i != k]
         x = None
         for fixed_to in (others, [whole]):
             x = _out_of(_near(fixed_to, middle), middle, y) if x is None else x
+        x = _let_go(x, y, *way(middle))
         if x is not None:
             x = _free(x, middle, y, 0.5 * width, _near([whole], middle))
         if x is not None:
             R = RotationMatrix.ProjectToRotationMatrix(np.column_stack([x, y, np.cross(x, y)]))
             yield RigidTransform(R, middle).GetAsMatrix4(), length
+
+
+def _parts(solid: trimesh.Trimesh) -> list[trimesh.Trimesh]:
+    """What hangs together, by vertices: many meshes have each triangle twice, once a side.
+
+    Triangles alone, as where a mesh is torn, have no thickness and are left out.
+    """
+    vertices, faces = solid.vertices, solid.faces
+    labels = trimesh.graph.connected_component_labels(solid.edges, len(vertices))[faces[:, 0]]
+    order = np.argsort(labels, kind="stable")
+    starts = np.flatnonzero(np.diff(labels[order])) + 1
+    parts = [trimesh.Trimesh(vertices, faces[one]) for one in np.split(order, starts)]
+    return [part for part in parts if len(part.vertices) > 3]
 
 
 def _along(part: trimesh.Trimesh) -> tuple[Array, Array, float, float]:
@@ -90,6 +110,22 @@ def _out_of(solid: trimesh.Trimesh, middle: Array, y: Array) -> Array | None:
     out -= (out @ y) * y
     length = float(np.linalg.norm(out))
     return out / length if length > 1e-6 * angles.sum() and length > 0.0 else None
+
+
+def _let_go(out: Array | None, y: Array, way: Array, both: bool) -> Array | None:
+    """The direction (3,) across a bar in which its joint lets it go; None for along the bar.
+
+    It is `out` for a bar that goes nowhere, and has its sense for one that goes both ways.
+    """
+    across = way - (way @ y) * y
+    length = float(np.linalg.norm(across))
+    if not np.any(way):
+        return out
+    if length <= _ACROSS or (both and out is None):
+        return None
+    return np.asarray(
+        across / (-length if both and out is not None and out @ across < 0.0 else length)
+    )
 
 
 def _free(

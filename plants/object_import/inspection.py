@@ -3,6 +3,7 @@
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ import trimesh
 from pydrake.geometry import SceneGraphInspector
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import FrameIndex, Joint, RigidBody
+from pydrake.multibody.tree import FrameIndex, Joint, PrismaticJoint, RigidBody
 from pydrake.systems.framework import Context
 
 from crossmodal.maths.arrays import Array
@@ -25,7 +26,7 @@ from crossmodal.plants.object_import.flat_model import (
     parent_joints,
     written_joints,
 )
-from crossmodal.plants.object_import.handles import bars_of
+from crossmodal.plants.object_import.handles import SHORTEST, bars_of
 from crossmodal.plants.object_import.model_source import Repair, read_model
 from crossmodal.plants.object_import.object_import import finalize, parse
 from crossmodal.plants.object_import.solids import solid_of
@@ -68,12 +69,14 @@ class Handle:
         joint: The nearest that moves it.
         bar: What is there.
         length: Of the bar, [m]; NaN where only a frame of the model says that it is one.
+        faults: What about the bar is outside of what the hand can hold, in a few words each.
     """
 
     grasp_frame: str
     joint: str
     bar: Bar
     length: float
+    faults: list[str]
 
 
 @dataclass(kw_only=True)
@@ -172,14 +175,28 @@ class _Inspector:
             moves=one,
         )
 
-    def _moving_joint(self, body: RigidBody) -> str:
-        """The nearest joint that moves a body; empty for none."""
-        above = joints_above(body, self._parents)
-        return next((self._names.joints[int(j.index())] for j in above if moves(j)), "")
+    def _moving_joint(self, body: RigidBody) -> Joint | None:
+        """The nearest joint that moves a body."""
+        return next((j for j in joints_above(body, self._parents) if moves(j)), None)
+
+    def _way(self, joint: Joint, p_W: Array) -> tuple[Array, bool]:
+        """Where a joint lets a place go, a unit vector (3,) or 0, and whether also against it."""
+        X_WF = joint.frame_on_parent().CalcPoseInWorld(self._context)
+        if isinstance(joint, PrismaticJoint):
+            way = X_WF.rotation() @ joint.translation_axis()
+        else:
+            way = np.cross(X_WF.rotation() @ joint.revolute_axis(), p_W - X_WF.translation())
+        lower, upper = joint.position_lower_limits()[0], joint.position_upper_limits()[0]
+        length = float(np.linalg.norm(way)) * (1.0 if upper >= -lower else -1.0)
+        return way / length if abs(length) > 1e-6 else np.zeros(3), bool(-lower == upper)
 
     def _handles(self, whole: trimesh.Trimesh) -> list[Handle]:
-        """Frames of the model at which the hand can hold a bar, then such bars without one."""
+        """Frames of the model at which the hand can hold a bar, then such bars without one.
+
+        Bars that it may not hold come last, and knobs of joints that have no bar.
+        """
         found, places = list[Handle](), list[Array]()
+        others = list[tuple[Array, Handle]]()
         frames = self._frames | {
             self._body_name(body): body.body_frame()
             for body in self._bodies
@@ -189,42 +206,67 @@ class _Inspector:
             handle = self._handle(
                 frame.body(), frame.CalcPoseInBodyFrame(self._context), name, np.nan
             )
-            if handle is not None:
+            if handle is not None and not handle.faults:
                 places.append(frame.CalcPoseInWorld(self._context).translation())
                 found.append(handle)
         for body in self._bodies:
             solid = self._solid([body])
-            if not self._moving_joint(body) or not 0 < len(solid.faces) <= _MOST_FACES:
+            joint = self._moving_joint(body)
+            if joint is None or not 0 < len(solid.faces) <= _MOST_FACES:
                 continue
             X_WB = self._pose(body)
-            for X, length in bars_of(solid, whole, X_WB.rotation().matrix()):
+            axes, way = X_WB.rotation().matrix(), partial(self._way, joint)
+            for X, length in bars_of(solid, whole, axes, way):
                 X_WH = RigidTransform(X)
                 X_BH = X_WB.inverse() @ X_WH
-                if any(np.linalg.norm(X_WH.translation() - p) < 0.5 * length for p in places):
+                handle = self._handle(body, X_BH, "", length)
+                if handle is None or _near(X_WH.translation(), places, length):
                     continue
-                name = f"{self._body_name(body)}@{_listed(X_BH)}"
-                handle = self._handle(body, X_BH, name, length)
-                if handle is not None:
+                if handle.faults:
+                    others.append((X_WH.translation(), handle))
+                else:
                     places.append(X_WH.translation())
                     found.append(handle)
+        for p_WH, handle in sorted(others, key=lambda each: -each[1].length):
+            is_alone = handle.joint not in {other.joint for other in found}
+            if not _near(p_WH, places, handle.length) and (handle.length >= SHORTEST or is_alone):
+                places.append(p_WH)
+                found.append(handle)
         return found
 
     def _handle(
         self, body: RigidBody, X_BH: RigidTransform, name: str, length: float
     ) -> Handle | None:
-        """What a hand holds at a pose in a moving body; None where it cannot."""
+        """What a hand would hold at a pose in a moving body; without a name, at the bar there."""
         joint = self._moving_joint(body)
         solid = self._solid(self._plant.GetBodiesWeldedTo(body), body.body_frame())
-        if not joint or solid.is_empty:
+        if joint is None or solid.is_empty:
             return None
         solid.apply_transform(X_BH.inverse().GetAsMatrix4())
         bar = bar_at(solid, self._can.reach)
-        if bar is None or faults_of_bar(bar, self._can):
+        if bar is None or (not name and max(bar.thickness) > self._can.most_thickness):
             return None
-        return Handle(grasp_frame=name, joint=joint, bar=bar, length=length)
+        faults = faults_of_bar(bar, self._can)
+        if length < SHORTEST:
+            faults.append(
+                f"it is {1e3 * length:.0f} mm long, the hand {1e3 * SHORTEST:.0f} mm wide"
+            )
+        X_BH = X_BH @ RigidTransform(bar.middle)
+        return Handle(
+            grasp_frame=name or f"{self._body_name(body)}@{_listed(X_BH)}",
+            joint=self._names.joints[int(joint.index())],
+            bar=bar,
+            length=length,
+            faults=faults,
+        )
 
     def _pose(self, body: RigidBody) -> RigidTransform:
         return self._plant.EvalBodyPoseInWorld(self._context, body)
+
+
+def _near(place: Array, places: Sequence[Array], length: float) -> bool:
+    """Whether one of some places is within half a bar's length."""
+    return any(np.linalg.norm(place - other) < 0.5 * length for other in places)
 
 
 def _listed(X: RigidTransform) -> str:

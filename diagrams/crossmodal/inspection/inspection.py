@@ -43,9 +43,10 @@ def inspected(
     except ValueError as error:
         raise ScenarioError(str(error)) from None
     lines = report(found, own.model)
-    if not own.grasp_frame and not found.handles:
+    held = [handle.grasp_frame for handle in found.handles if not handle.faults]
+    if not own.grasp_frame and not held:
         return lines, None
-    own.grasp_frame = own.grasp_frame or found.handles[0].grasp_frame
+    own.grasp_frame = own.grasp_frame or held[0]
     base = load([])
     if not isinstance(base, Scenario):
         raise ScenarioError(f"--scenario {scenario}: has no object to be replaced")

@@ -25,7 +25,7 @@ def report(found: Inspection, source: Path) -> list[str]:
         lines += ["Frames", *_table((name, f"on {link}") for name, link in found.frames.items())]
     lines.append("Likely handles, x out of the object, y along the bar")
     lines += _table((x.grasp_frame, _bar(x), f"moved by {x.joint}") for x in found.handles)
-    if not found.handles:
+    if all(handle.faults for handle in found.handles):
         can = SOFT_HAND_RANGE
         lines.append(
             f"  none: the hand holds bars of {1e3 * can.least_thickness:.0f} to"
@@ -67,6 +67,8 @@ def _bar(handle: Handle) -> str:
         text += f", {1e3 * handle.length:.0f} mm long"
     if np.isfinite(bar.clearance):
         text += f", {1e3 * bar.clearance:.0f} mm free behind it"
+    if handle.faults:
+        text += f"; the hand may not hold it: {', '.join(handle.faults)}"
     return text
 
 

@@ -448,6 +448,74 @@ def test_a_handle_faces_away_from_what_it_is_fixed_to_whatever_else_there_is(
     assert [handle.grasp_frame for handle in found.handles] == names
 
 
+def test_a_bar_is_found_in_a_mesh_that_has_each_triangle_twice(tmp_path: Path) -> None:
+    """And in one whose triangles share no vertices."""
+    bar = trimesh.creation.box([0.016, 0.16, 0.016])
+    bar.apply_translation([0.06, 0.0, 0.0])
+    faces = np.concatenate([bar.faces, bar.faces[:, ::-1]])
+    corners = np.arange(3 * len(faces)).reshape(-1, 3)
+    for vertices, triangles in ((bar.vertices, faces), (bar.vertices[faces.ravel()], corners)):
+        rows = [f"v {x} {y} {z}" for x, y, z in vertices]
+        rows += [f"f {a} {b} {c}" for a, b, c in triangles + 1]
+        written(tmp_path, "\n".join(rows), "bar.obj")
+        text = sideboard().replace(shapes(BAR), shapes(mesh("bar.obj")))
+        text = text.replace(BAR, mesh("bar.obj"))
+        assert [handle.grasp_frame for handle in looked_into(tmp_path, text).handles] == [HANDLE]
+
+
+def test_a_handle_that_is_a_link_of_its_own_faces_where_its_joint_lets_it_go(
+    tmp_path: Path,
+) -> None:
+    """Beneath a worktop, which alone would turn it downwards."""
+    grip = (
+        f'<link name="grip">{shapes(BAR, *POSTS)}</link><joint name="screws" type="fixed">'
+        '<parent link="tray"/><child link="grip"/></joint>'
+    )
+    top = '<origin xyz="0.1 0 0.12"/><geometry><box size="0.6 0.6 0.02"/></geometry>'
+    text = sideboard(shell=shapes(top), more=grip).replace(shapes(FRONT) + shapes(BAR, *POSTS), "")
+    text = text.replace('<link name="tray"></link>', f'<link name="tray">{shapes(FRONT)}</link>')
+    (handle,) = looked_into(tmp_path, text).handles
+    assert handle.grasp_frame == HANDLE.replace("tray", "grip")
+
+
+@pytest.mark.parametrize(("axis", "count"), [("1 0 0", 1), ("0 1 0", 0)])
+def test_a_bar_that_its_joint_draws_along_itself_is_no_handle(
+    axis: str, count: int, tmp_path: Path
+) -> None:
+    text = sideboard().replace('<axis xyz="1 0 0"/>', f'<axis xyz="{axis}"/>')
+    assert len(looked_into(tmp_path, text).handles) == count
+
+
+def test_a_place_to_hold_is_the_bar_even_where_the_middle_of_the_part_is_not(
+    tmp_path: Path,
+) -> None:
+    """A bow, of one mesh: bar and posts."""
+    parts = [trimesh.creation.box([0.016, 0.16, 0.016])]
+    parts += [trimesh.creation.box([0.06, 0.012, 0.016]) for _ in range(2)]
+    for part, place in zip(parts, ([0.06, 0, 0], [0.03, 0.074, 0], [0.03, -0.074, 0]), strict=True):
+        part.apply_translation(place)
+    trimesh.boolean.union(parts).export(tmp_path / "bow.obj")
+    text = sideboard().replace(shapes(BAR, *POSTS), shapes(mesh("bow.obj")))
+    (handle,) = looked_into(tmp_path, text).handles
+    at = np.array(handle.grasp_frame.partition("@")[2].split(","), float)
+    assert_allclose(at, [0.06, 0, 0, 0, 0, 0], atol=0.02)
+
+
+@pytest.mark.parametrize(
+    ("part", "fault"),
+    [
+        (BAR.replace("0.06", "0.03"), "12 mm are free behind it, the fingers need 25 mm"),
+        (BAR.replace("0.16", "0.04"), "it is 40 mm long, the hand 80 mm wide"),
+    ],
+)
+def test_handles_that_the_hand_cannot_hold_are_named_and_why(
+    part: str, fault: str, tmp_path: Path
+) -> None:
+    text = sideboard().replace(shapes(BAR, *POSTS), shapes(part))
+    (handle,) = looked_into(tmp_path, text).handles
+    assert handle.faults == [fault]
+
+
 def test_what_is_deep_or_includes_itself_often_is_refused(tmp_path: Path) -> None:
     deep = "<a>" * 3000 + "</a>" * 3000
     with pytest.raises(ValueError, match="stand within each other"):

@@ -11,7 +11,7 @@ import trimesh
 from pydrake.geometry import SceneGraphInspector
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import FrameIndex, Joint, PrismaticJoint, RigidBody
+from pydrake.multibody.tree import FrameIndex, Joint, RigidBody
 from pydrake.systems.framework import Context
 
 from crossmodal.maths.arrays import Array
@@ -179,13 +179,14 @@ class _Inspector:
         """The nearest joint that moves a body."""
         return next((j for j in joints_above(body, self._parents) if moves(j)), None)
 
-    def _way(self, joint: Joint, p_W: Array) -> tuple[Array, bool]:
-        """Where a joint lets a place go, a unit vector (3,) or 0, and whether also against it."""
-        X_WF = joint.frame_on_parent().CalcPoseInWorld(self._context)
-        if isinstance(joint, PrismaticJoint):
-            way = X_WF.rotation() @ joint.translation_axis()
-        else:
-            way = np.cross(X_WF.rotation() @ joint.revolute_axis(), p_W - X_WF.translation())
+    def _way(self, body: RigidBody, joint: Joint, p_W: Array) -> tuple[Array, bool]:
+        """Where a joint lets a place of a body go, a unit vector (3,) or 0; whether also back."""
+        moving = self._plant.CreateDefaultContext()
+        rates = np.zeros(self._plant.num_velocities())
+        rates[joint.velocity_start()] = 1.0
+        self._plant.SetVelocities(moving, rates)
+        V_WB = self._plant.EvalBodySpatialVelocityInWorld(moving, body)
+        way = V_WB.Shift(p_W - self._pose(body).translation()).translational()
         lower, upper = joint.position_lower_limits()[0], joint.position_upper_limits()[0]
         length = float(np.linalg.norm(way)) * (1.0 if upper >= -lower else -1.0)
         return way / length if abs(length) > 1e-6 else np.zeros(3), bool(-lower == upper)
@@ -215,7 +216,7 @@ class _Inspector:
             if joint is None or not 0 < len(solid.faces) <= _MOST_FACES:
                 continue
             X_WB = self._pose(body)
-            axes, way = X_WB.rotation().matrix(), partial(self._way, joint)
+            axes, way = X_WB.rotation().matrix(), partial(self._way, body, joint)
             for X, length in bars_of(solid, whole, axes, way):
                 X_WH = RigidTransform(X)
                 X_BH = X_WB.inverse() @ X_WH

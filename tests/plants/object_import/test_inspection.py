@@ -56,6 +56,11 @@ def test_a_bar_without_a_frame_is_found_and_can_be_grasped(scale: float, tmp_pat
     assert import_object(path, tmp_path / "out", grasp_frame=handle.grasp_frame, scale=scale)
 
 
+def test_the_handle_of_a_screw_is_found() -> None:
+    (handle,) = inspect_model(MODELS_DIR / "sdf" / "fly_press.sdf").handles
+    assert (handle.grasp_frame, handle.joint, handle.faults) == ("handle", "spindle", [])
+
+
 def test_a_model_that_is_none_is_refused_in_one_line(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="no such file"):
         inspect_model(tmp_path / "none.sdf")

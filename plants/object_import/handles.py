@@ -8,6 +8,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 from trimesh.intersections import slice_mesh_plane
 
 from crossmodal.maths.arrays import Array
+from crossmodal.plants.object_import.bars import bar_at
 
 SHORTEST, _LONGEST, _SLENDER = 0.08, 1.0, 2.0  # Of a handle, [m]; its length over its thickness.
 _LEAST = 0.01  # Of a knob, [m].
@@ -50,7 +51,12 @@ def bars_of(
             x = _free(x, middle, y, 0.5 * width, _near([whole], middle))
         if x is not None:
             R = RotationMatrix.ProjectToRotationMatrix(np.column_stack([x, y, np.cross(x, y)]))
-            yield RigidTransform(R, middle).GetAsMatrix4(), length
+            X = RigidTransform(R, middle)
+            X_inverse = X.inverse().GetAsMatrix4()
+            # The middle of a bow is between its bar and what it is fixed to.
+            bar = bar_at(part.copy().apply_transform(X_inverse), np.inf)
+            if bar is not None:
+                yield (X @ RigidTransform(bar.middle)).GetAsMatrix4(), length
 
 
 def _parts(solid: trimesh.Trimesh) -> list[trimesh.Trimesh]:

@@ -238,7 +238,7 @@ class _Inspector:
     def _handle(
         self, body: RigidBody, X_BH: RigidTransform, name: str, length: float
     ) -> Handle | None:
-        """What a hand would hold at a pose in a moving body; without a name, at the bar there."""
+        """What a hand would hold at a pose in a moving body, which a frame gives a name."""
         joint = self._moving_joint(body)
         solid = self._solid(self._plant.GetBodiesWeldedTo(body), body.body_frame())
         if joint is None or solid.is_empty:
@@ -252,7 +252,6 @@ class _Inspector:
             faults.append(
                 f"it is {1e3 * length:.0f} mm long, the hand {1e3 * SHORTEST:.0f} mm wide"
             )
-        X_BH = X_BH @ RigidTransform(bar.middle)
         return Handle(
             grasp_frame=name or f"{self._body_name(body)}@{_listed(X_BH)}",
             joint=self._names.joints[int(joint.index())],

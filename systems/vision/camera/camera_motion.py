@@ -201,7 +201,10 @@ def _after_jump(
         last @ se3.inverse(before) @ last,
         config.period,
     )
-    if np.sum(jumped) < config.jump.least_features or odds < np.log(config.jump.odds):
+    # What moves may be jerked; a camera that is knocked sees what rests displaced, too.
+    is_seen = np.sum(jumped & (expected.body[theirs] == STATIC_BODY)) >= _GROUP
+    is_enough = is_seen and np.sum(jumped) >= config.jump.least_features
+    if not is_enough or odds < np.log(config.jump.odds):
         return replace(state, motions=np.stack([last, found.Y]))
     rows = mine[found.follows], theirs[found.follows]
     walk = dynamics.linear_process_noise * config.period**3 / 3.0

@@ -191,6 +191,23 @@ def test_what_moves_is_no_knock_even_where_it_fills_the_view(
             assert not fault(network, context)
 
 
+@pytest.mark.parametrize(("room", "front"), [(40, 80), (2, 118)])
+@pytest.mark.parametrize("jerk", [0.008, -0.004])
+def test_what_moves_and_is_jerked_is_no_knock_either(
+    watch: Callable, room: int, front: int, jerk: float
+) -> None:
+    """A hand that slips off lets a door go that fills the view: it jumps, and stops at once."""
+
+    class Jerked(Scene):
+        def opening(self, k: int) -> float:
+            return super().opening(min(k, 60)) + jerk * (k > 60)
+
+    for seed in range(4):
+        scene = Jerked(seed, room=room, front=front, jumps={})
+        for _, network, context in watch(scene, 80):
+            assert not fault(network, context)
+
+
 def test_a_second_knock_adds_to_the_first(watch: Callable) -> None:
     first, second = knock(3, 1.0), knock(3, 1.0) @ knock(4, 0.6)
     scene = Scene(3, jumps={20: first, 50: second})

@@ -97,11 +97,11 @@ def mark_panels(
     Returns:
         For the legend, see `mark_leaving`.
     """
-    beyond: list[Line2D] = []
+    beyond: dict[object, Line2D] = {}
     for axes in panels:
-        beyond += mark_leaving(axes)
+        beyond |= {entry.get_label(): entry for entry in mark_leaving(axes)}
         mark_times(axes, events, spans, label=axes is panels[0])
-    return beyond[:1]
+    return list(beyond.values())
 
 
 def mark_leaving(axes: Axes) -> list[Line2D]:
@@ -114,10 +114,10 @@ def mark_leaving(axes: Axes) -> list[Line2D]:
         axes: With its curves, within its final limits.
 
     Returns:
-        For the legend, a triangle that says what they mean; nothing where no curve leaves.
+        For the legend, a triangle of each kind that there is and what it means.
     """
     (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
-    marked = []
+    entries = {}
     for curve in [line for line in axes.lines if line.get_transform() is axes.transData]:
         times, values = (np.asarray(data, dtype=float) for data in curve.get_data())
         color, solid = curve.get_color(), curve.get_linestyle() != ":"
@@ -126,22 +126,32 @@ def mark_leaving(axes: Axes) -> list[Line2D]:
             found = _ends(times, beyond & shown, 0.015 * (right - left))
             if not found:
                 continue
-            marked += axes.plot(
+            axes.plot(
                 found,
                 np.full(len(found), edge),
                 marker,
                 transform=axes.get_xaxis_transform(),
                 clip_on=False,
-                mfc=color if solid else "white",
-                mec="white" if solid else color,
-                ms=8 if solid else 6,
                 zorder=6,
                 in_layout=False,
+                **_triangle(color, solid),
+            )
+            entries[solid] = Line2D(
+                [],
+                [],
+                marker="^",
+                ls="",
+                label="beyond the frame" if solid else "dotted curve beyond the frame",
+                **_triangle(palette.QUIET, solid),
             )
     axes.set_xlim(left, right)
-    triangle = Line2D([], [], color=palette.QUIET, marker="^", ls="", ms=8)
-    triangle.set_label("beyond the frame")
-    return [triangle] if marked else []
+    return list(entries.values())
+
+
+def _triangle(color: Any, solid: bool) -> dict[str, Any]:
+    if solid:
+        return {"mfc": color, "mec": "white", "ms": 8}
+    return {"mfc": "white", "mec": color, "ms": 6}
 
 
 def _ends(times: Array, beyond: Mask, apart: float) -> list[float]:

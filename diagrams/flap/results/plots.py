@@ -238,6 +238,8 @@ def _finish(panels: Sequence[Axes], episode: FlapEpisode) -> None:
             for axes in panels:
                 axes.axvspan(start, end, color="#000000", alpha=0.05, lw=0)
     scenario = episode.record.scenario
-    mark_panels(panels, events, scenario.disturbances.spans())
-    title = f"n = 1 episode, seed {scenario.seed}"
-    panels[0].figure.suptitle(title, fontsize=9.5)
+    beyond = mark_panels(panels, events, scenario.disturbances.spans())
+    figure, title = panels[0].figure, f"n = 1 episode, seed {scenario.seed}"
+    figure.suptitle(title, fontsize=9.5)
+    if beyond:
+        figure.legend(handles=beyond, loc="outside lower center", ncols=2)

@@ -1,7 +1,13 @@
 import numpy as np
 from matplotlib.axes import Axes
 
-from crossmodal.diagrams.drawing.plot_style import mark_leaving, mark_times, new_figure
+from crossmodal.diagrams.drawing import palette
+from crossmodal.diagrams.drawing.plot_style import (
+    mark_leaving,
+    mark_panels,
+    mark_times,
+    new_figure,
+)
 from crossmodal.diagrams.run.scenario import Interval
 from crossmodal.maths.arrays import Array
 
@@ -76,3 +82,14 @@ def test_a_dotted_curve_has_hollow_triangles() -> None:
     mark_leaving(axes)
     (mark,) = axes.lines[1:]
     assert (mark.get_markerfacecolor(), mark.get_markeredgecolor()) == ("white", "#AA3377")
+
+
+def test_the_legend_tells_hollow_triangles_from_filled_ones_and_names_each_kind_once() -> None:
+    panels = [drawn(np.where(TIMES < 3.0, 2.0, 0.0)) for _ in range(2)]
+    for axes in panels:
+        axes.plot(TIMES, np.where(TIMES > 5.0, -2.0, 0.0), color="#AA3377", ls=":")
+    entries = mark_panels(panels, [], [])
+    assert [(entry.get_label(), entry.get_markerfacecolor()) for entry in entries] == [
+        ("beyond the frame", palette.QUIET),
+        ("dotted curve beyond the frame", "white"),
+    ]

@@ -17,6 +17,7 @@ from crossmodal.maths.consistency import chi_square_quantile, normalised_squared
 from crossmodal.maths.vectors import normal_basis
 from crossmodal.systems.port_values import (
     HELD_BODY,
+    MOVING_TYPES,
     STATIC_BODY,
     BodyMotions,
     JointBelief,
@@ -269,6 +270,25 @@ def _compare(
                 model.p_PA, truth.point_W, truth.axis_W
             )
     return compared
+
+
+def drawn_std(series: JointSeries, truth: Truth) -> Array:
+    """Deviations of the configuration (T,): as reported, and of the claim that a joint is rigid.
+
+    That has none of its own. How far the joint may have moved all the same is what the less likely
+    types believe, weighted by their probabilities: the root mean square of the mixture of types
+    about the configuration that does not change. Types whose unit is another one say nothing of it.
+    """
+    std = series.configuration_std.copy()
+    types = [kind for kind in MOVING_TYPES if unit_of(kind) == unit_of(truth.joint_type)]
+    for k, joint in enumerate(series.joints):
+        if joint is None or joint.type != JointType.RIGID:
+            continue
+        p = np.array([joint.probabilities[kind] for kind in types])
+        q = np.array([joint.models[kind].configuration[0] for kind in types])
+        P = np.array([joint.models[kind].configuration_covariance[0, 0] for kind in types])
+        std[k] = np.sqrt(p @ (q**2 + P) / (joint.probabilities[JointType.RIGID] + p.sum()))
+    return std
 
 
 def motion_start(truth: Truth) -> float | None:

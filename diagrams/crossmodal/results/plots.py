@@ -20,6 +20,7 @@ from crossmodal.diagrams.joints.joint_metrics import (
     JointEpisode,
     JointSeries,
     drawn_in,
+    drawn_std,
     last_seen,
     motion_start,
     unit_of,
@@ -65,7 +66,7 @@ def draw_errors(episode: JointEpisode) -> Figure | None:
         lost: list[Line2D] = []
         for name, series in all_series.items():
             color, line = _color(name), _line(name)
-            error, std = scale * series.error, scale * series.configuration_std
+            error, std = scale * series.error, scale * drawn_std(series, truth)
             configuration.plot(series.times, error, color=color, **line)
             configuration.fill_between(
                 series.times, error - 2 * std, error + 2 * std, color=color, alpha=0.16, lw=0
@@ -102,7 +103,7 @@ def draw_configurations(episode: JointEpisode) -> Figure | None:
             color = _color(name)
             # A type with another unit has no place on this axis.
             q = scale * np.where(np.isnan(series.error), np.nan, series.configuration)
-            std = scale * series.configuration_std
+            std = scale * drawn_std(series, truth)
             axes.fill_between(series.times, q - 2 * std, q + 2 * std, color=color, alpha=0.16, lw=0)
             axes.plot(series.times, q, color=color, **_line(name))
         true_q = scale * truth.opening()
@@ -165,7 +166,8 @@ def _finish(panels: Sequence[Axes], episode: JointEpisode) -> list[Line2D]:
 def _legend(figure: Figure, episode: JointEpisode, others: Sequence[Line2D]) -> None:
     """The modalities, other lines, and what the band is."""
     modalities = [_handle(name, _line(name)["lw"] + 0.6) for name in _series(episode)]
-    title = f"band: 2σ as reported; n = 1 episode, seed {episode.record.scenario.seed}"
+    title = "band: 2σ as reported; where a rigid joint is claimed, of all types with this unit"
+    title += f"\nn = 1 episode, seed {episode.record.scenario.seed}"
     handles = [*modalities, *others]
     figure.legend(handles=handles, loc="outside upper center", ncols=5, title=title)
 

@@ -11,6 +11,7 @@ from crossmodal.diagrams.joints.joint_metrics import (
     axis_distance_error,
     axis_nees,
     axis_sign,
+    drawn_std,
     error_at,
     inside_claim,
     joint_episode,
@@ -134,6 +135,20 @@ def test_a_rigid_belief_means_no_opening_and_a_wrong_moving_type_has_no_error() 
     assert list(series.type_is_right) == [False, False, False]
     others = 0.03 / (len(JointType) - 1)
     assert_allclose(series.probability_true_type, [others, others, np.nan])
+
+
+def test_a_rigid_claim_is_as_uncertain_as_the_other_types_of_the_unit_make_it() -> None:
+    truth = truth_of(np.array([0.0, 0.0, 0.05]))
+    rigid = joint_belief(JointType.RIGID, AXIS, 0.3, 0.1, 0.1, probability=0.6)
+    moving = joint_belief(JointType.PRISMATIC, AXIS, 0.3, 0.1, 0.1)
+    series = joint_series([tick(2.0, rigid), tick(2.0, moving), tick(2.0)], truth)
+    assert_allclose(np.isnan(series.configuration_std), [True, False, True])
+    # Of the types that slide, rigid has 0.6 and prismatic 0.1.
+    assert_allclose(drawn_std(series, truth), [np.sqrt((0.3**2 + 0.1**2) / 7.0), 0.1, np.nan])
+    door = truth_of(np.array([0.0, 0.0, 0.05]), JointType.REVOLUTE)
+    # A hinge and a screw have 0.1 each.
+    expected = np.sqrt((0.3**2 + 0.1**2) / 4.0)
+    assert_allclose(drawn_std(joint_series([tick(2.0, rigid)], door), door), [expected])
 
 
 def test_the_distance_of_a_revolute_axis_is_from_its_point() -> None:

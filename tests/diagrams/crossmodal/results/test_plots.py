@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from synthetic_episode import empty_episode, nudged, synthetic_episode, without_truth
 
@@ -72,6 +73,23 @@ def test_each_curve_is_the_error_in_millimetres_in_its_modalitys_colour() -> Non
     assert 0.1 < np.nanmedian(np.abs(error)) < 5.0
     low, high = axes.get_ylim()
     assert -low == high < 60.0
+
+
+@pytest.mark.parametrize("draw", [draw_errors, draw_configurations])
+def test_a_band_is_drawn_where_a_rigid_joint_is_claimed(
+    draw: Callable[[JointEpisode], Figure | None],
+) -> None:
+    one = episode()
+    figure, series = draw(one), one.series["proprioception"]
+    assert figure is not None
+    claims = [joint is not None and joint.type == JointType.RIGID for joint in series.joints]
+    (band,) = (
+        band
+        for band in figure.axes[0].collections
+        if to_hex(band.get_facecolor()[0]) == COLORS["proprioception"].lower()
+    )
+    times = np.concatenate([path.vertices[:, 0] for path in band.get_paths()])
+    assert np.all(np.isin(series.times[claims], times))
 
 
 def test_frames_come_from_start_middle_and_end_of_the_motion() -> None:
@@ -146,7 +164,10 @@ def test_the_legend_says_what_the_band_is_and_of_how_many_episodes(
     figure = draw(episode())
     assert figure is not None
     (legend,) = figure.legends
-    assert legend.get_title().get_text() == "band: 2σ as reported; n = 1 episode, seed 3"
+    assert legend.get_title().get_text() == (
+        "band: 2σ as reported; where a rigid joint is claimed, of all types with this unit\n"
+        "n = 1 episode, seed 3"
+    )
 
 
 def test_an_episode_and_its_campaign_are_drawn_in_the_same_words() -> None:

@@ -36,6 +36,13 @@ class Interval:
 
 
 @dataclass(kw_only=True)
+class LightsOff(Interval):
+    """Lights go off, all of them or some."""
+
+    remaining: float = number(0.0, at_least=0.0, at_most=1.0)  # What is left of the light, share.
+
+
+@dataclass(kw_only=True)
 class CameraBump:
     """Somebody knocks against a camera, which stands elsewhere from then on; nobody says so."""
 
@@ -56,7 +63,7 @@ class CameraBump:
 class Disturbances:
     """What goes wrong, and when."""
 
-    lights_off: list[Interval] = field(default_factory=list)
+    lights_off: list[LightsOff] = field(default_factory=list)
     camera_covered: list[Interval] = field(default_factory=list)
     camera_bumps: list[CameraBump] = field(default_factory=list)
     faults: list[StreamFault] = field(default_factory=list)  # Of what the estimators read.
@@ -72,7 +79,7 @@ class Disturbances:
     def dark(self) -> list[tuple[str, Interval]]:
         """Why the cameras see nothing, in words, and when."""
         return [
-            *(("lights off", span) for span in self.lights_off),
+            *(("lights off", span) for span in self.lights_off if span.remaining == 0.0),
             *(("camera covered", span) for span in self.camera_covered),
         ]
 
@@ -86,7 +93,12 @@ class Disturbances:
             (f"{bump.camera or 'camera'} bumped", Interval(start=bump.start))
             for bump in self.camera_bumps
         ]
-        return [*self.dark(), *faults, *bumps]
+        dim = [
+            (f"{100.0 * span.remaining:.3g} % of the light", span)
+            for span in self.lights_off
+            if span.remaining > 0.0
+        ]
+        return [*self.dark(), *dim, *faults, *bumps]
 
 
 @dataclass(kw_only=True)

@@ -234,8 +234,9 @@ def _add_camera(
         builder.Connect(
             surfaces.GetOutputPort("depth_image_32f"), noise.GetInputPort("surface_image")
         )
+    light = Occurrence(disturbances.lights_off, during=lambda span: span.remaining, otherwise=1.0)
     for port, occurrence in (
-        ("illumination", Occurrence(disturbances.lights_off, during=0.0)),
+        ("illumination", light),
         ("cover", Occurrence(disturbances.camera_covered)),
     ):
         builder.AddNamedSystem(prefixed(owner, port), occurrence)

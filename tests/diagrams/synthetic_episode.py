@@ -11,7 +11,7 @@ from crossmodal.diagrams.crossmodal.scenario import Scenario
 from crossmodal.diagrams.joints.joint_truth import JointTruth, Truth, truth_of_ticks
 from crossmodal.diagrams.run.calibration import Calibration, CalibrationErrors, Camera, calibrated
 from crossmodal.diagrams.run.record import EpisodeRecord, EstimatorRecord, Event, Picture, Tick
-from crossmodal.diagrams.run.scenario import CameraConfig, Interval
+from crossmodal.diagrams.run.scenario import CameraConfig, LightsOff
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
 from crossmodal.systems.port_values import (
@@ -123,7 +123,7 @@ def synthetic_episode(
             position=np.array([-0.3, 0.75, 1.1]), looking_at=np.array([0.75, 0.0, 0.45])
         )
     }
-    scenario.disturbances.lights_off.append(Interval(start=LIGHTS_OFF))
+    scenario.disturbances.lights_off.append(LightsOff(start=LIGHTS_OFF))
     (config,) = scenario.cameras.values()
     camera = config.camera()
     record = EpisodeRecord(

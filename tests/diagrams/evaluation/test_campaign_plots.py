@@ -12,7 +12,7 @@ from crossmodal.diagrams.evaluation.campaign_plots import (
     spread,
 )
 from crossmodal.diagrams.evaluation.metric_table import tidy_metrics
-from crossmodal.diagrams.run.scenario import Disturbances, Interval
+from crossmodal.diagrams.run.scenario import Disturbances, LightsOff
 
 NAN = float("nan")
 
@@ -70,7 +70,7 @@ def test_disturbances_and_events_are_marked_above_the_estimators_spreads() -> No
         Panel(title="error [mm]", series=series),
         Panel(title="share", series=series, logarithmic=False),
     ]
-    disturbances = Disturbances(lights_off=[Interval(start=9.5)])
+    disturbances = Disturbances(lights_off=[LightsOff(start=9.5)])
     figure = draw_spreads(TOY, panels, 0.1, disturbances, {"returning": 8.0, "never": 99.0})
     first, second = figure.axes
     assert first.get_title(loc="left") == "error [mm]"

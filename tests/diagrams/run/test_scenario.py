@@ -12,6 +12,7 @@ from crossmodal.diagrams.run.scenario import (
     CameraConfig,
     Disturbances,
     Interval,
+    LightsOff,
     Scenario,
     parse_scenario,
     read_document,
@@ -103,6 +104,10 @@ def test_a_base_that_cannot_be_had_is_refused(base: str, expected: str, tmp_path
         ({"calibration": {"believed": {"focal_length": 0.5}}}, "calibration.believed.focal_length"),
         ({"disturbances": {"lights_off": [{"start": 3, "end": 2}]}}, "it must be start < end"),
         ({"disturbances": {"lights_off": [{"start": -1}]}}, "lights_off.0.start = -1.0 s, need"),
+        (
+            {"disturbances": {"lights_off": [{"start": 1, "remaining": 1.5}]}},
+            "disturbances.lights_off.0.remaining = 1.5, need >= 0, <= 1",
+        ),
         ({"disturbances": {"camera_covered": [{"begin": 3}]}}, "camera_covered.0.begin"),
         ({"disturbances": {"camera_bumps": [{"camera": "hed"}]}}, "camera_bumps.0.camera = 'hed'"),
         ({"disturbances": "dark"}, "disturbances = 'dark', but it must be a mapping"),
@@ -149,10 +154,13 @@ def test_an_interval_holds_its_start_and_not_its_end() -> None:
 
 def test_disturbances_are_told_in_words() -> None:
     disturbances = Disturbances(
-        lights_off=[Interval(start=3.0)], camera_covered=[Interval(start=1.0, end=2.0)]
+        lights_off=[LightsOff(start=3.0), LightsOff(start=0.5, remaining=0.25)],
+        camera_covered=[Interval(start=1.0, end=2.0)],
     )
     names = [(name, span.start) for name, span in disturbances.spans()]
-    assert names == [("lights off", 3.0), ("camera covered", 1.0)]
+    dark = [("lights off", 3.0), ("camera covered", 1.0)]
+    assert names == [*dark, ("25 % of the light", 0.5)]
+    assert [(name, span.start) for name, span in disturbances.dark()] == dark
 
 
 def test_what_building_refuses_becomes_a_scenario_error() -> None:

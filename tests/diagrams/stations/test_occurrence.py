@@ -2,7 +2,7 @@
 
 import pytest
 
-from crossmodal.diagrams.run.scenario import Interval
+from crossmodal.diagrams.run.scenario import Interval, LightsOff
 from crossmodal.diagrams.stations.occurrence import Occurrence
 
 
@@ -16,9 +16,10 @@ def test_it_occurs_from_each_start_to_before_each_end(time: float, value: float)
     assert system.get_output_port().Eval(context)[0] == value
 
 
-@pytest.mark.parametrize(("time", "value"), [(0.0, 1.0), (1.0, 0.0), (2.0, 1.0)])
-def test_what_is_off_meanwhile_is_on_otherwise(time: float, value: float) -> None:
-    system = Occurrence([Interval(start=1.0, end=2.0)], during=0.0)
+@pytest.mark.parametrize(("time", "value"), [(0.0, 1.0), (1.0, 0.5), (2.0, 0.0), (3.0, 1.0)])
+def test_of_values_at_once_the_least_counts(time: float, value: float) -> None:
+    spans = [LightsOff(start=1.0, end=3.0, remaining=0.5), LightsOff(start=2.0, end=3.0)]
+    system = Occurrence(spans, during=lambda span: span.remaining, otherwise=1.0)
     context = system.CreateDefaultContext()
     context.SetTime(time)
     assert system.get_output_port().Eval(context)[0] == value

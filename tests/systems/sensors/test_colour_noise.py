@@ -31,12 +31,12 @@ def test_normal_light_and_gain_leave_the_mean_as_it_is():
     np.testing.assert_allclose(response(CONFIG, 1.0, 1.0), np.arange(256), atol=1.5)
 
 
-@pytest.mark.parametrize("grey", [60, 120, 180])
-def test_noise_is_that_of_the_collected_electrons(grey):
-    measured = linear(measured_patch(grey)[:, :, :3])
-    electrons = CONFIG.full_well * linear(grey)
+@pytest.mark.parametrize(("grey", "light"), [(60, 1.0), (120, 1.0), (180, 1.0), (180, 0.3)])
+def test_noise_is_that_of_the_collected_electrons(grey, light):
+    measured = linear(measured_patch(grey, light)[:, :, :3])
+    electrons = CONFIG.full_well * light * linear(grey)
     sigma = np.sqrt(electrons + CONFIG.read_noise**2) / CONFIG.full_well
-    np.testing.assert_allclose(measured.mean(), linear(grey), rtol=0.02)
+    np.testing.assert_allclose(measured.mean(), light * linear(grey), rtol=0.02)
     np.testing.assert_allclose(measured.std(), sigma, rtol=0.05)
 
 

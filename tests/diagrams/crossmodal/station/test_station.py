@@ -48,6 +48,22 @@ def test_the_glass_pane_is_seen_through_but_returns_no_depth() -> None:
         assert color[rows, columns].mean() > 10.0
 
 
+def test_lights_that_go_off_in_part_leave_a_dim_image() -> None:
+    def grey(*given: str) -> float:
+        small = ["cameras.camera.width=64", "cameras.camera.height=48"]
+        station, _ = make_station("drawer", *small, *given)
+        context = station.diagram.CreateDefaultContext()
+        station.initialise(context)
+        image = station.diagram.GetOutputPort("color_measured").Eval(context).image
+        return float(image.data[:, :, :3].mean())
+
+    bright, dim, dark = (
+        grey(f"disturbances.lights_off=[{{start: 0, remaining: {share}}}]") for share in (1, 0.3, 0)
+    )
+    assert dark < 15.0
+    assert abs(dim / bright - 0.3 ** (1.0 / 2.2)) < 0.03
+
+
 TWO = ["objects={drawer: {}, box: {model: cardboard_box.sdf, joint: hinge, free: true,"
        " position: [1.0, 0.7, 0.7], variation: {position: [0.1, 0.1, 0.0]}}}",
        "task.object=drawer", "objects.drawer.variation.position=[0.02, 0.03, 0.02]"]  # fmt: skip

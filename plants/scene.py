@@ -10,6 +10,7 @@ from pydrake.geometry import (
     CollisionFilterDeclaration,
     GeometrySet,
     PerceptionProperties,
+    Rgba,
     Role,
     SceneGraph,
 )
@@ -29,6 +30,8 @@ from crossmodal.maths.validation import check, number
 from crossmodal.models import SDF_DIR
 from crossmodal.plants.joint_friction import add_holding_friction, connect_holding_friction
 from crossmodal.plants.parsing import add_model, find_model, make_parser
+
+_WHITE = Rgba(1.0, 1.0, 1.0)
 
 
 @dataclass(kw_only=True)
@@ -261,6 +264,10 @@ def _set_texture(
             if inspector.GetName(geometry).split("::")[-1].startswith("textured"):
                 properties = PerceptionProperties(inspector.GetPerceptionProperties(geometry))
                 properties.UpdateProperty("phong", "diffuse_map", str(path))
+                tint = properties.GetPropertyOrDefault("phong", "diffuse", _WHITE)
+                if texture.startswith("plain_") and not tint.r() == tint.g() == tint.b():
+                    # The picture is multiplied by this colour, but paint hides what is below.
+                    properties.UpdateProperty("phong", "diffuse", _WHITE)
                 scene_graph.RemoveRole(plant.get_source_id(), geometry, Role.kPerception)
                 scene_graph.AssignRole(plant.get_source_id(), geometry, properties)
 

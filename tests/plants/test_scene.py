@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from pydrake.geometry import GeometryId
+from pydrake.geometry import GeometryId, Role
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
@@ -125,6 +125,31 @@ def test_friction_acts_on_the_object_alone_and_against_its_motion() -> None:
 def test_an_unknown_texture_lists_the_known_ones() -> None:
     with pytest.raises(ValueError, match=r"no texture 'velvet'.*birch"):
         make_scene(texture="velvet")
+
+
+@pytest.mark.parametrize(
+    ("model", "texture", "multiplied_by"),
+    [
+        ("chest_drawer.sdf", "plain_white", (1.0, 1.0, 1.0)),  # It would be brown.
+        ("chest_drawer.sdf", "oak", (0.75, 0.6, 0.42)),
+        ("tripod.sdf", "plain_white", (0.8, 0.8, 0.8)),
+    ],
+)
+def test_paint_hides_the_colour_of_what_is_painted(
+    model: str, texture: str, multiplied_by: tuple[float, ...]
+) -> None:
+    scene = make_scene(model=SDF_DIR / model, texture=texture)
+    inspector = scene.scene_graph.model_inspector()
+    painted = [
+        properties
+        for geometry in inspector.GetAllGeometryIds(Role.kPerception)
+        if (properties := inspector.GetPerceptionProperties(geometry)) is not None
+        and texture in str(properties.GetPropertyOrDefault("phong", "diffuse_map", ""))
+    ]
+    assert painted
+    for properties in painted:
+        color = properties.GetProperty("phong", "diffuse")
+        assert_allclose([color.r(), color.g(), color.b()], multiplied_by)
 
 
 TWO_ARMS = """

@@ -17,7 +17,7 @@ _SAYS_NOTHING = ("name", "description", "versions")
 
 def is_replaceable(key: str) -> bool:
     """Whether a replay may have another value of a scenario's key, such as `perception.cut`."""
-    return f"{key}.".startswith(tuple(f"{name}." for name in REPLACEABLE))
+    return f"{key}.".startswith(tuple(f"{name}{end}" for name in REPLACEABLE for end in ".["))
 
 
 def check_unchanged(
@@ -54,5 +54,8 @@ def _differences(then: Any, now: Any, path: str = "") -> Iterator[tuple[str, Any
         for key in then:
             if key in now:
                 yield from _differences(then[key], now[key], f"{path}.{key}".lstrip("."))
+    elif isinstance(then, list) and isinstance(now, list) and len(then) == len(now):
+        for index, (was, is_) in enumerate(zip(then, now, strict=True)):
+            yield from _differences(was, is_, f"{path}[{index}]")
     elif then != now:
         yield path, then, now

@@ -313,6 +313,7 @@ def nudged(record: EpisodeRecord, way: float) -> EpisodeRecord:
     for tick in record.estimators["vision"].ticks:
         for joint in tick.values["joints_latest"].joints:
             joint.models[joint.type].configuration[0] += way
+            joint.reference_age = tick.time
     return record
 
 

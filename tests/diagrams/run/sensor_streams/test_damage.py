@@ -10,7 +10,8 @@ from pydrake.systems.sensors import ImageRgba8U
 
 from crossmodal.diagrams.applications import load_scenario
 from crossmodal.diagrams.crossmodal.application import APPLICATION
-from crossmodal.diagrams.run.recorded_scenario import check_unchanged
+from crossmodal.diagrams.run.folder.fingerprint import contents
+from crossmodal.diagrams.run.recorded_scenario import check_unchanged, is_replaceable
 from crossmodal.diagrams.run.sensor_streams.log import (
     SensorLog,
     SensorLogWriter,
@@ -105,6 +106,20 @@ def test_an_end_that_cannot_be_is_refused(duration: float, tmp_path: Path) -> No
 def test_a_recording_of_no_scenario_is_refused(scenario: str) -> None:
     with pytest.raises(ScenarioError, match="the recording's scenario"):
         check_unchanged(APPLICATION, load_scenario("drawer")[1], scenario, "mine.yaml")
+
+
+def test_what_only_another_version_says_is_no_difference_in_a_list_either() -> None:
+    scenario = load_scenario("drawer-lights-off")[1]
+    recorded = contents(APPLICATION, scenario)
+    older = "".join(line for line in recorded.splitlines(True) if "remaining" not in line)
+    assert older != recorded
+    check_unchanged(APPLICATION, scenario, older, "mine.yaml")
+    start = f"start: {scenario.disturbances.lights_off[0].start}"
+    assert start in older
+    with pytest.raises(ScenarioError, match=r"disturbances\.lights_off\[0\]\.start = .*recorded"):
+        check_unchanged(APPLICATION, scenario, older.replace(start, "start: 99.0"), "mine.yaml")
+    assert is_replaceable("disturbances.faults[0].start")
+    assert not is_replaceable("disturbances.faulty")
 
 
 def test_nobody_waits_at_a_pipe(tmp_path: Path) -> None:

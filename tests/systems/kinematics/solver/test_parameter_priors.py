@@ -60,6 +60,10 @@ def test_evidence_and_posterior_are_those_of_the_mixture(pitch: float, sigma: fl
     assert_allclose(hinge_evidence(mean, variance, 3e-4), expected, atol=1e-6)
     p = likelihood * mixture / np.sum(likelihood * mixture)
     expected_mean = np.sum(p * PITCH)
-    found = pitch_posterior(mean, variance)
-    assert_allclose(found[0], expected_mean, atol=1e-8)
-    assert_allclose(found[1], np.sum(p * (PITCH - expected_mean) ** 2), rtol=1e-4)
+    weights, means, variances = pitch_posterior(mean, variance).T
+    assert_allclose(weights.sum(), 1.0)
+    assert_allclose(weights @ means, expected_mean, atol=1e-8)
+    expected = np.sum(p * (PITCH - expected_mean) ** 2)
+    assert_allclose(weights @ (variances + (means - expected_mean) ** 2), expected, rtol=1e-4)
+    density = np.sum(weights * norm.pdf(PITCH[::5000, None], means, np.sqrt(variances)), axis=1)
+    assert_allclose(density, p[::5000] / (PITCH[1] - PITCH[0]), atol=1e-3 * density.max())

@@ -224,7 +224,6 @@ def resting_parents(
 def recognised(
     graph: JointGraphState,
     bodies: Mapping[int, BodyMotion],
-    filters: PairFilters,
     config: KinematicModelConfig,
 ) -> JointGraphState:
     """The graph before this tick's update, with what vision knew of the body that the hand holds.
@@ -281,7 +280,8 @@ def grasp_configuration(
 ) -> float:
     """The configuration of a pair where the hand closed, by a type that moves; zero by default."""
     parent, child = pair
-    if child != HELD_BODY or STATIC_BODY not in graph.closed_at:
+    is_taken = child == HELD_BODY and parent != graph.seen.body_id
+    if not is_taken or STATIC_BODY not in graph.closed_at:
         return 0.0
     pose = graph.closed_at.get(parent)
     if pose is None:  # A parent that began to move later stood at its reference.
@@ -342,7 +342,7 @@ def update_graph(
     """
     faults = faults or {}
     time = (graph.ticks + 1) * config.period
-    graph = recognised(graph, bodies, filters, config)
+    graph = recognised(graph, bodies, config)
     followed = set(bodies)
     resting = resting_parents(graph, bodies, config)
     bodies = {body_id: body for body_id, body in bodies.items() if body.is_seen}

@@ -8,8 +8,8 @@ and so is all that moves, from where it is expected. A scene can look alike: a b
 view begins to move. What tells them apart is compared as probabilities:
 
 - how often cameras are knocked, and bodies begin to move;
-- how far: a knocked camera by any size, a body from one tick to the next mostly by what its
-  acceleration allows, seldom by an impact;
+- how far: a knocked camera by any size, a body from one tick to the next only by what its
+  acceleration allows;
 - how many of the features move: with a camera all, but for outliers; with a body any share of them
   is as likely;
 - that something that rests and something that moves already jump by the same: by chance, if it is
@@ -47,11 +47,6 @@ class CameraJumpConfig:
     translation: float = number(0.01, above=0.0, at_most=10.0, unit="m")
     # How often a body begins to move.
     onset_rate: float = number(0.1, above=0.0, at_most=100.0, unit="1/s")
-    # Share of these beginnings that are impacts, whose speed is drawn at once, with this deviation.
-    impacts: float = number(0.1, above=0.0, below=1.0)
-    impact_speed: float = number(0.3, above=0.0, at_most=100.0, unit="m/s")
-    # Of a body: by so much farther it turns than it goes.
-    radius: float = number(0.1, above=0.0, at_most=100.0, unit="m")
     # Share of features that are lost or mistaken when a camera jumps.
     outliers: float = number(0.05, above=0.0, below=0.5)
     # Odds from which on a jump is believed.
@@ -144,13 +139,7 @@ def jump_odds(
     )
     # What is expected is extrapolated from two ticks: once, twice and once this tick's error.
     of_body = dynamics.process_noise * period**3 / 3.0 + 6.0 * np.diagonal(found.covariance)
-    impact = config.impact_speed * period * np.repeat([1.0 / config.radius, 1.0], 3)
-    by_body = float(
-        np.logaddexp(
-            np.log1p(-config.impacts) + _log_normal(seen, of_body),
-            np.log(config.impacts) + _log_normal(seen, of_body + impact**2),
-        )
-    )
+    by_body = _log_normal(seen, of_body)
     # As likely any share of them: a beta distribution.
     share = gammaln(moved + 1) + gammaln(stayed + 1) - gammaln(moved + stayed + 2)
     camera_odds = np.log(config.rate) + by_camera + stayed * np.log(config.outliers)

@@ -128,6 +128,8 @@ def test_the_held_body_goes_on_with_the_joint_that_was_seen(joint: JointType) ->
     for q in (model.configuration[0], model.grasp_configuration):
         assert abs(abs(q) - nudged) < 2.0 * std < 3e-3 / radius
     assert belief.reference_age == pytest.approx(_CLOSED * _PERIOD + _PERIOD)
+    with_seen = _joint_of_held(driver, _SEEN)
+    assert all(model.grasp_configuration == 0.0 for model in with_seen.models.values())
     for k in range(_CLOSED + 1, _CLOSED + 60):
         # After a second, vision has been told that its body is the one in the hand.
         is_known = k > _CLOSED + 15
@@ -174,7 +176,9 @@ def test_a_body_that_does_not_go_with_the_hand_is_another_one() -> None:
     assert belief.updates < 29
     assert belief.type == JointType.REVOLUTE
     # That with the nudged one has been followed all along.
-    assert _joint_of_held(driver, _SEEN).updates == 29
+    nudged = _joint_of_held(driver, _SEEN)
+    assert nudged.updates == 29
+    assert all(model.grasp_configuration == 0.0 for model in nudged.models.values())
 
 
 def test_the_nearest_body_is_held_and_none_that_rested_long_ago() -> None:

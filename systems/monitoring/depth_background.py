@@ -4,14 +4,17 @@ If most of what is seen has come nearer, or gone farther, and all of that by one
 
     z = (1 + a) z_first + b,
 
-it is the depth sensor that has changed.
+with a and b of one sign, it is the depth sensor that has changed. Of two signs they are on a door
+that fills most of the image and turns: its hinge stays where it was, and so does what is beside it.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import norm
 
 from crossmodal.maths.arrays import Array, Mask
+from crossmodal.maths.gaussian import outlier_gate
 from crossmodal.maths.validation import number
 from crossmodal.systems.monitoring.background import (
     LEAST_BLOCKS,
@@ -25,6 +28,7 @@ from crossmodal.systems.monitoring.background import (
 )
 
 _LARGEST = 0.5  # A pixel at the edge of an object counts no more than this.
+_SURE = 4.0  # Standard deviations.
 
 
 @dataclass(kw_only=True)
@@ -60,9 +64,42 @@ def has_changed(config: DepthBackgroundConfig, change: Array) -> bool:
     low, high = np.quantile(change[:, 0], [config.still, 1.0 - config.still])
     if not (low > config.tolerance or high < -config.tolerance):
         return False
-    A = np.column_stack([np.ones(len(change)), change[:, 1]])
-    _, follows = law_of_most(A, change[:, 0], config.error)
-    return bool(np.mean(follows) >= MOST)
+    change, A = change[:, 0], np.column_stack([np.ones(len(change)), change[:, 1]])
+    any_signs = change - A @ law_of_most(A, change, config.error)[0]
+    sigma = 1.4826 * float(np.median(np.abs(any_signs))) + 1e-12
+    for columns in ([0, 1], [0], [1]):
+        law, follows = law_of_most(A[:, columns], change, config.error)
+        by_law = A[:, columns] @ law
+        excess = _distance(change - by_law, sigma) - _distance(any_signs, sigma)
+        if np.ptp(np.sign(law)) == 0.0 and np.mean(follows) >= MOST and excess < _SURE**2:
+            return not some_stay(change, by_law, sigma)
+    return False
+
+
+def _distance(residual: Array, sigma: float) -> float:
+    """Squared distance of blocks' residuals (N,), of which few may be any number."""
+    return float(np.sum(np.minimum((residual / sigma) ** 2, outlier_gate(1))))
+
+
+def some_stay(change: Array, by_law: Array, sigma: float) -> bool:
+    """Whether more blocks have stayed as they were than those that follow the law by their noise.
+
+    Where no change fits a block better than the law does, the squared residual falls by
+    (2 d max(n - d / 2, 0)) sigma^2, for a change by d sigma of the law and the block's noise n
+    sigma.
+
+    Args:
+        change: Of the blocks (N,).
+        by_law: What the law says (N,).
+        sigma: Standard deviation of a block's noise.
+    """
+    gain = np.maximum((change - by_law) ** 2 - change**2, 0.0) / sigma**2
+    d = np.abs(by_law) / sigma
+    a = 0.5 * d
+    mean = 2.0 * d * (norm.pdf(a) - a * norm.cdf(-a))
+    square = 4.0 * d**2 * ((1.0 + a**2) * norm.cdf(-a) - a * norm.pdf(a))
+    variance = float(np.sum(square - mean**2))
+    return float(np.sum(gain - mean)) > _SURE * np.sqrt(variance)
 
 
 def watch_depth(

@@ -77,6 +77,12 @@ def observe(moments: ForceMoments, z: Array) -> ForceMoments:
     )
 
 
+def rms_force(moments: ForceMoments, S: Array) -> float:
+    """Root mean square of S · F over all samples; there must be one."""
+    total = moments.first + moments.now
+    return float(np.sqrt(S @ total[-6:, -6:] @ S / moments.samples))
+
+
 @dataclass(frozen=True, kw_only=True)
 class ForceFit:
     """The posterior by the forces so far.

@@ -20,6 +20,7 @@ class JointMechanicsConfig(Ticked):
             is that at a lever of `SENSOR_LEVER`.
         stiction: By how much static friction may exceed Coulomb friction, as a share of it.
         least_speed: Of the hand; a slower joint rests.
+        slow: Speed of the hand up to which friction may be another one, by as much as the force.
         slack: Displacement at the hand by which a joint may go on at an end stop.
         smoothing: Time constant of a push. A joint has to move for three of them before and after
             an instant that counts.
@@ -34,6 +35,7 @@ class JointMechanicsConfig(Ticked):
     zero_force: float = number(1.0, above=0.0, at_most=100.0, unit="N")
     stiction: float = number(0.2, at_least=0.0, at_most=10.0)
     least_speed: float = number(0.005, above=0.0, at_most=10.0, unit="m/s")
+    slow: float = number(0.01, above=0.0, at_most=10.0, unit="m/s")
     slack: float = number(0.002, at_least=0.0, at_most=1.0, unit="m")
     smoothing: float = number(0.2, above=0.0, at_most=10.0, unit="s")
     open_pressure: float = number(5.0e3, at_least=0.0, at_most=1e6, unit="Pa")

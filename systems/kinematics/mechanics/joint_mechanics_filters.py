@@ -3,9 +3,10 @@
 By virtual work, a spatial force F of the hand does the work tau = S · F per unit of q, with the
 joint's unit twist S. While the joint moves,
 
-    tau = tau_c sign(q') + b q' + e + noise,
+    tau = tau_c sign(q') + b q' + e + s sign(q') exp(-|q'| / v_s) + noise,
 
 where e is what does not depend on the motion: the joint's own weight, and the zero of the sensor.
+Friction is another one while the joint moves slowly, greater (Stribeck) or less, by an unknown s.
 An arm that pulls in one direction only cannot tell e from tau_c, so the prior of e limits how well
 tau_c is known. Inertia and what changes during the motion count as noise, which is correlated.
 Where the joint rests, the push is compared with what friction can hold. The filters work without
@@ -41,6 +42,7 @@ from crossmodal.systems.kinematics.mechanics.force_regression import (
     fit_force,
     no_moments,
     observe,
+    rms_force,
 )
 from crossmodal.systems.kinematics.mechanics.joint_mechanics_config import JointMechanicsConfig
 from crossmodal.systems.kinematics.mechanics.joint_stops import (
@@ -67,7 +69,7 @@ from crossmodal.systems.port_values import (
 )
 
 GRAVITY = 9.81  # [m/s^2]
-_PHI = 3  # sign(q'), q', 1.
+_PHI = 4  # sign(q'), q', 1, sign(q') exp(-|q'| / v_s).
 NO_FORCES = no_moments(_PHI + 6)
 _NOISES = np.geomspace(0.01, 20.0, 12)  # [N] at the hand.
 
@@ -192,7 +194,8 @@ class JointMechanicsFilters:
             rests = state.rests if pushed is None else (*state.rests[:-1], pushed)
             state = replace(state, rests=rests, is_left=pushed is not None)
         if not slow and abs(v) > 3.0 * np.sqrt(v_variance):
-            return self._moves(state, np.array([np.sign(v), v, 1.0, *force.F_P]))
+            side, slowly = np.sign(v), np.exp(-speed / self.config.slow)
+            return self._moves(state, np.array([side, v, 1.0, side * slowly, *force.F_P]))
         if slow:
             rest = begin_rest(q, q_variance, force.F_P, push)
             state = replace(state, rest=rest, is_left=False)
@@ -272,15 +275,17 @@ class JointMechanicsFilters:
         falls = float((S @ to_down) ** 2 + to_down @ state.S_covariance @ to_down)
         aside = float(np.linalg.norm(cross(S[:3], hand.down_P))) * (lever + config.extent)
         own = weight**2 * (falls + aside**2) + float(S @ hand.zero_covariance @ S)
-        prior = np.array([config.friction * lever, config.damping * lever**2, np.sqrt(own + 1e-9)])
+        friction = config.friction * lever
+        slowly = min(friction, rms_force(state.moments, S)) if state.moments.samples else friction
+        prior = np.array([friction, config.damping * lever**2, np.sqrt(own + 1e-9), slowly])
         return prior, weight * aside * (state.explored[1][0] - state.explored[-1][0])
 
     def _judge(
         self, fit: ForceFit, S: Array, screw: Array, direction: int, F: Array, elsewhere: float
     ) -> Excess:
         """Whether a resting joint's friction can hold the push of F in a direction."""
-        c = np.array([1.0, 0.0, direction])
-        held = c + np.array([self.config.stiction, 0.0, 0.0])
+        c = np.array([1.0, 0.0, direction, 0.0])
+        held = c + np.array([self.config.stiction, 0.0, 0.0, 0.0])
 
         def variance(c: Array) -> float:
             by_screw = direction * F - fit.by_screw.T @ c

@@ -425,3 +425,27 @@ def test_a_tick_through_the_ports() -> None:
     system.ExecuteForcedEvents(context)
     latest = system.GetOutputPort("joint_mechanics_latest").Eval(context)
     assert latest.joints[0].models[SLIDE].force == pytest.approx(7.0)
+
+
+@pytest.mark.parametrize(
+    "at_speed",
+    [
+        lambda v: np.tanh(v / 0.01),
+        lambda v: 1.0 + 0.4 * np.exp(-v / 0.008),
+        lambda v: np.ones_like(v),
+    ],
+    ids=["less while slow", "more while slow", "the same"],
+)
+def test_friction_that_is_another_one_while_the_joint_is_slow(at_speed) -> None:
+    """Coulomb friction is claimed as it is at speed, although most samples are slow."""
+    errors = []
+    for seed in range(8):
+        for friction in (3.0, 12.0, 24.0):
+            rng = np.random.default_rng(seed)
+            v = np.interp(np.arange(200), np.linspace(0, 200, 8), rng.uniform(0.006, 0.02, 8))
+            tau = friction * at_speed(v) + 5.0 * v + correlated(rng, 200, 0.3, 0.9)
+            belief = perceived(SLIDE, v, tau)
+            std = np.sqrt(belief.friction_covariance[0, 0])
+            assert std < 0.6 * friction
+            errors.append((belief.friction[0] - friction) / std)
+    assert np.sqrt(np.mean(np.square(errors))) < 1.0

@@ -4,31 +4,65 @@ If most of what is seen has come nearer, or gone farther, and all of that by one
 
     z = (1 + a) z_first + b,
 
-with a and b of one sign, it is the depth sensor that has changed. Of two signs they are on a door
-that fills most of the image and turns: its hinge stays where it was, and so does what is beside it.
+with a and b of one sign and but for noise, it is the depth sensor that has changed. What moves and
+fills the image has another law, as a door whose hinge stays where it was.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import norm
 
 from crossmodal.maths.arrays import Array, Mask
-from crossmodal.maths.gaussian import outlier_gate
+from crossmodal.maths.immutable import Immutable
 from crossmodal.maths.validation import number
 from crossmodal.systems.monitoring.background import (
     LEAST_BLOCKS,
     MOST,
-    Background,
     block_means,
     law_of_most,
     off_the_robot,
-    remember,
     thinned,
 )
 
+_MEMORY = 10  # Images over which noise is averaged.
 _LARGEST = 0.5  # A pixel at the edge of an object counts no more than this.
-_SURE = 4.0  # Standard deviations.
+
+
+@dataclass(frozen=True, kw_only=True)
+class DepthBackground(Immutable):
+    """What each pixel has shown of the depth, [m].
+
+    Attributes:
+        first: Mean (H, W) of the first `_MEMORY` times; 0 where it has shown nothing yet.
+        count: How many times (H, W) that is of.
+        recent: Moving average (H, W) over as many.
+    """
+
+    first: Array
+    count: Array
+    recent: Array
+
+
+def no_depth(shape: tuple[int, ...]) -> DepthBackground:
+    """Before the first image."""
+    zero = np.zeros(shape)
+    return DepthBackground(first=zero, count=zero, recent=zero)
+
+
+def averaged(background: DepthBackground, depth: Array, seen: Mask) -> DepthBackground:
+    """The background with the latest depth (H, W) in its moving average, where that is `seen`."""
+    share = np.where(background.recent == 0.0, 1.0, 1.0 / _MEMORY)
+    change = share * (np.where(seen, depth, background.recent) - background.recent)
+    return replace(background, recent=background.recent + change)
+
+
+def remembered(background: DepthBackground, depth: Array, seen: Mask) -> DepthBackground:
+    """The background with the depth (H, W) of a sensor that has not changed, where it is `seen`."""
+    new = seen & (background.count < _MEMORY)
+    count = background.count + new
+    share = np.divide(1.0, count, out=np.zeros_like(count), where=new)
+    first = background.first + share * (np.where(new, depth, 0.0) - background.first)
+    return replace(background, first=first, count=count)
 
 
 @dataclass(kw_only=True)
@@ -41,7 +75,7 @@ class DepthBackgroundConfig:
     error: float = number(2e-3, above=0.0, at_most=1.0)
 
 
-def changes(background: Background, depth: Array, seen: Mask) -> Array:
+def changes(background: DepthBackground, depth: Array, seen: Mask) -> Array:
     """Mean relative change of the depth, and inverse first depth, [1/m], (N, 2).
 
     Of the blocks of which enough is seen.
@@ -65,49 +99,36 @@ def has_changed(config: DepthBackgroundConfig, change: Array) -> bool:
     if not (low > config.tolerance or high < -config.tolerance):
         return False
     change, A = change[:, 0], np.column_stack([np.ones(len(change)), change[:, 1]])
-    any_signs = change - A @ law_of_most(A, change, config.error)[0]
-    sigma = 1.4826 * float(np.median(np.abs(any_signs))) + 1e-12
     for columns in ([0, 1], [0], [1]):
-        law, follows = law_of_most(A[:, columns], change, config.error)
-        by_law = A[:, columns] @ law
-        excess = _distance(change - by_law, sigma) - _distance(any_signs, sigma)
-        if np.ptp(np.sign(law)) == 0.0 and np.mean(follows) >= MOST and excess < _SURE**2:
-            return not some_stay(change, by_law, sigma)
+        law, _ = law_of_most(A[:, columns], change, config.error)
+        if np.ptp(np.sign(law)) == 0.0 and is_noise(config, change - A[:, columns] @ law):
+            return True
     return False
 
 
-def _distance(residual: Array, sigma: float) -> float:
-    """Squared distance of blocks' residuals (N,), of which few may be any number."""
-    return float(np.sum(np.minimum((residual / sigma) ** 2, outlier_gate(1))))
+def is_noise(config: DepthBackgroundConfig, residual: Array) -> bool:
+    """Whether most residuals of a law (N,) are what neighbouring blocks do not share.
 
-
-def some_stay(change: Array, by_law: Array, sigma: float) -> bool:
-    """Whether more blocks have stayed as they were than those that follow the law by their noise.
-
-    Where no change fits a block better than the law does, the squared residual falls by
-    (2 d max(n - d / 2, 0)) sigma^2, for a change by d sigma of the law and the block's noise n
-    sigma.
-
-    Args:
-        change: Of the blocks (N,).
-        by_law: What the law says (N,).
-        sigma: Standard deviation of a block's noise.
+    Of normal errors within three standard deviations, 68.5 % are within one. Those of a body that
+    moves change from block to block by less than they are.
     """
-    gain = np.maximum((change - by_law) ** 2 - change**2, 0.0) / sigma**2
-    d = np.abs(by_law) / sigma
-    a = 0.5 * d
-    mean = 2.0 * d * (norm.pdf(a) - a * norm.cdf(-a))
-    square = 4.0 * d**2 * ((1.0 + a**2) * norm.cdf(-a) - a * norm.pdf(a))
-    variance = float(np.sum(square - mean**2))
-    return float(np.sum(gain - mean)) > _SURE * np.sqrt(variance)
+    sigma = max(0.25 * config.tolerance, _noise(residual))
+    near = int(np.sum(np.abs(residual) < 3.0 * sigma))
+    core = int(np.sum(np.abs(residual) < sigma))
+    return near >= MOST * len(residual) and core > 0.685 * near - 3.0 * np.sqrt(0.216 * near)
+
+
+def _noise(values: Array) -> float:
+    """Standard deviation of what neighbours do not share, by second differences; robust."""
+    return 1.4826 * float(np.median(np.abs(np.diff(values, 2)))) / np.sqrt(6.0)
 
 
 def watch_depth(
     config: DepthBackgroundConfig,
-    background: Background | None,
+    background: DepthBackground | None,
     image: Array,
     robot: Array | None,
-) -> tuple[Background, bool]:
+) -> tuple[DepthBackground, bool]:
     """The background after an image, and whether the depth sensor has changed.
 
     Args:
@@ -117,8 +138,7 @@ def watch_depth(
     """
     depth = thinned(image)[:, :, 0]
     seen = np.isfinite(depth) & (depth > 0.0) & off_the_robot(robot, depth.shape)
-    if background is None:
-        background = Background(np.zeros_like(depth))
-    if has_changed(config, changes(background, depth, seen)):
+    background = averaged(background or no_depth(depth.shape), depth, seen)
+    if all(has_changed(config, changes(background, of, seen)) for of in (depth, background.recent)):
         return background, True
-    return remember(background, depth, seen), False
+    return remembered(background, depth, seen), False

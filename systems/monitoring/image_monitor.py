@@ -14,7 +14,11 @@ from crossmodal.maths.immutable import Immutable
 from crossmodal.maths.validation import check, number
 from crossmodal.systems.monitoring.background import Background
 from crossmodal.systems.monitoring.black_level import BlackLevelConfig, watch_grey
-from crossmodal.systems.monitoring.depth_background import DepthBackgroundConfig, watch_depth
+from crossmodal.systems.monitoring.depth_background import (
+    DepthBackground,
+    DepthBackgroundConfig,
+    watch_depth,
+)
 from crossmodal.systems.monitoring.view import View, is_another, view_of
 from crossmodal.systems.monitoring.window_monitor import (
     Monitored,
@@ -52,7 +56,7 @@ class Watched(Immutable):
 
     color: Monitored = field(default_factory=Monitored)
     depth: Monitored = field(default_factory=Monitored)
-    background: Background | None = None
+    background: DepthBackground | None = None
     grey: Background | None = None
     view: View | None = None
     camera_jumps: int = 0

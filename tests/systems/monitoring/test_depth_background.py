@@ -4,8 +4,11 @@ import numpy as np
 import pytest
 
 from crossmodal.maths.arrays import Array
-from crossmodal.systems.monitoring.background import Background
-from crossmodal.systems.monitoring.depth_background import DepthBackgroundConfig, watch_depth
+from crossmodal.systems.monitoring.depth_background import (
+    DepthBackground,
+    DepthBackgroundConfig,
+    watch_depth,
+)
 
 CONFIG = DepthBackgroundConfig()
 HEIGHT, WIDTH = 240, 320
@@ -24,7 +27,7 @@ def measured(tick: int, offset: float = 0.0, moved: float = 0.0, share: float = 
 
 def told(images: list[Array], robots: list[Array | None] | None = None) -> list[bool]:
     """Per image, whether the sensor has changed."""
-    background: Background | None = None
+    background: DepthBackground | None = None
     found = []
     for image, robot in zip(images, robots or [None] * len(images), strict=True):
         background, has_changed = watch_depth(CONFIG, background, image, robot)
@@ -91,10 +94,7 @@ def test_the_robot_counts_for_nothing() -> None:
     robot = np.zeros((HEIGHT, WIDTH, 1), np.uint8)
     robot[: round(share * HEIGHT)] = 255
     images = [measured(k, moved=0.01 * k, share=share) for k in range(20)]
-    for image in images:
-        image[robot == 0] = 0.0  # Else what is beside it would show that the sensor is as it was.
     assert any(told(images))
-    images = [measured(k, moved=0.01 * k, share=share) for k in range(20)]
     assert not any(told(images, [robot] * 20))
 
 

@@ -56,8 +56,8 @@ class KinematicModelConfig(Ticked):
     """Configuration of `KinematicModel`.
 
     Attributes:
-        filters: Of every pair; its errors are those of bodies that only the eye follows.
-        held_errors: Of the body in the hand.
+        filters: Of every pair; its errors are those of bodies that the eye follows.
+        held_errors: Of the body in the hand while nobody sees it.
         reference_age: How long before a body was first measured its reference may be.
         patience: How long a pair outlives its bodies' measurements.
         max_pairs: Most pairs that are updated in a tick. Those with the static environment always
@@ -118,17 +118,16 @@ class PairFilters(NamedTuple):
     """The joint filters of all pairs.
 
     Attributes:
-        seen: Of what only the eye follows.
-        held: Of the body in the hand.
+        seen: Of what the eye follows.
+        held: Of what the hand alone follows.
     """
 
     seen: JointFilters
     held: JointFilters
 
-    def of(self, pair: Pair, seen: SeenBody) -> JointFilters:
-        """Those that expect the errors which a pair's poses have."""
-        is_held = pair[1] == HELD_BODY and (not seen.is_followed or pair[0] == seen.body_id)
-        return self.held if is_held else self.seen
+    def of(self, body: BodyMotion) -> JointFilters:
+        """Those that expect the errors which the poses of a pair with this child have."""
+        return self.held if isinstance(body, HeldBody) and body.seen is None else self.seen
 
 
 def pair_filters(config: KinematicModelConfig, owner: str) -> PairFilters:
@@ -247,9 +246,12 @@ def recognised(
     own = {pair: state for pair, state in graph.pairs.items() if pair[1] == HELD_BODY}
     of_seen = {pair for pair in graph.pairs if seen.body_id in pair}
     if seen.body_id not in bodies:
-        is_seen = isinstance(held, HeldBody) and held.seen is not None
-        # Where the same landmarks go on, so do their errors; the hand's are others.
-        count = held.reset_count if is_seen else _ANEW
+        before = graph.bodies[seen.body_id]
+        count = _ANEW
+        if isinstance(held, HeldBody) and np.isin(held.feature_ids, before.feature_ids).any():
+            # The same landmarks go on, in the frame of the held body, and so do their errors.
+            X_KB = se3.inverse(before.X_WB_reference) @ held.seen_reference
+            seen, count = replace(seen, X_KB=X_KB), held.reset_count
         anew = {pair: replace(state, reset_count=count) for pair, state in own.items()}
         pairs = {**graph.pairs, **anew}
         pairs = {pair: state for pair, state in pairs.items() if pair not in of_seen}
@@ -358,7 +360,7 @@ def update_graph(
     for pair in sorted({*possible, *graph.pairs}):
         measured = present if pair[0] == graph.seen.body_id else described
         if pair in scheduled and pair[1] in measured:
-            state = _update_pair(pair, graph, measured, filters.of(pair, graph.seen), config)
+            state = _update_pair(pair, graph, measured, filters.of(measured[pair[1]]), config)
         else:
             state = graph.pairs.get(pair)
             is_followed = set(pair) <= {STATIC_BODY, *followed, *resting}

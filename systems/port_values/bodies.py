@@ -113,12 +113,15 @@ class HeldBody(BodyMotion):
             one frame's noise; None in the dark.
         seen_offset_covariance: (6, 6), in B, of the error that stays as long as the same features
             are used: their landmarks are as wrong at the next tick.
+        seen_reference: X_WB (4, 4) where vision knows the body to have stood at rest, for which its
+            landmarks are right; where the hand closed, unless vision knew the body before.
         reference_delay: From the closing of the hand to the reference, [s]; the body may have moved
             unnoticed.
     """
 
     seen: PoseBelief | None = None
     seen_offset_covariance: Array = field(default_factory=lambda: np.zeros((6, 6)))
+    seen_reference: Array = field(default_factory=lambda: np.eye(4))
     reference_delay: float = 0.0
 
 

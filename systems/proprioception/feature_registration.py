@@ -25,7 +25,8 @@ def register(
     iteration down to three standard deviations.
 
     Args:
-        X_start: X_WB (4, 4) to start from; it decides nothing else, unless features are too few.
+        X_start: X_WB (4, 4) whose rotation is started from, and which decides where features are
+            too few; the position starts at what the features say in the median.
         p_BF: Positions in the body (K, 3), with their covariance P_BF (3K, 3K): features that were
             placed in the body at the same time share the error that its pose had then.
         p_WF: Positions seen (K, 3), with one frame's covariances R_WF (K, 3, 3).
@@ -35,6 +36,8 @@ def register(
         positions in the body (6, 6); and the distance squared of each feature (K,), at most
         `GATE` for those that count as on the body.
     """
+    X_start = X_start.copy()  # Its position may lie between two bodies.
+    X_start[:3, 3] = np.median(p_WF - p_BF @ X_start[:3, :3].T, axis=0)
     R = X_start[:3, :3]
     R_BF = R.T @ R_WF @ R
     W = np.asarray(np.linalg.inv(R_BF + diagonal_blocks(P_BF)), dtype=float)

@@ -238,6 +238,7 @@ def correct_body(
     H = np.zeros((6, layout.size))
     H[:, :6] = np.eye(6)
     H[:, layout.b] = np.linalg.cholesky(offset_covariance)
+    P = error_state.inflate(P, _POSE, body.since_reference.covariance - body.pose.covariance)
     innovation = se3.log(se3.inverse(body.X_WB) @ seen.X) - H @ x
     if nees(innovation, H @ P @ H.T + seen.covariance) > _UNLIKELY:
         if kept < config.retained_share:
@@ -245,6 +246,7 @@ def correct_body(
         P = error_state.inflate(P, _POSE, np.diag(pose_scale(config.jump) ** 2))
     considered = np.zeros(layout.size, dtype=np.bool_)
     considered[layout.f] = True
+    considered[layout.b] = True
     considered[layout.k] = body.grasp_type not in _LOOSE_TYPES
     correction, P = schmidt_update(P, H, seen.covariance, innovation, considered)
     x = x + correction

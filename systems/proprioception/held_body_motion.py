@@ -166,6 +166,7 @@ def body_motions(state: HeldBodyState) -> BodyMotions:
             "p_BF_covariance": covariance_of(by_vision, rows),
             "seen": sighting.pose,
             "seen_offset_covariance": sighting.offset_covariance,
+            "seen_reference": by_vision.X_WB_reference,
         }
     return BodyMotions(
         bodies=[
@@ -280,7 +281,7 @@ class HeldBodyMotion(RecursiveFilter):
     def _write_prior(self, context: Context, value: AbstractValue) -> None:
         prior: HeldBodyState = self._prior.Eval(context)
         body = None if prior.is_doubted else prior.body
-        value.set_value(NO_POSE if body is None else body.pose)
+        value.set_value(NO_POSE if body is None else body.since_reference)
 
     def _calc_posterior_state(self, context: Context, state: Any) -> HeldBodyState:
         body = self._prior.Eval(context).body

@@ -5,7 +5,8 @@ Error state, all but the first in units of their own standard deviation:
     xi  (6,)  pose error, X_WB,true = X_WB exp(xi)
     c   (m,)  constants of the episode: the calibration offset of the encoders
     n   (6,)  rest of the bent hand's pose error, a Gauss-Markov process
-    b   (6,)  error of the landmarks, as a pose error in B
+    b   (6,)  error of the landmarks, as a pose error in B; only considered: the hand's own slow
+              errors look the same, so that it does not correct what is seen
     f   (2,)  share of the hand's turning about the grasping axis, and of its sliding along it, that
               the body follows against what the likeliest grasp says; a constant, only considered
     k   (3,)  turn of the body about the axis per way of its handle, if the grasp lets it; a
@@ -122,6 +123,12 @@ class BodyState(Immutable):
     @property
     def pose(self) -> PoseBelief:
         return PoseBelief(X=self.X_WB, covariance=self.P[:6, :6] + self.offset)
+
+    @property
+    def since_reference(self) -> PoseBelief:
+        """The pose; uncertain also by the grip's settling so far, which the body did not follow."""
+        settled = np.zeros((6, 6)) if self.reset_count else self.settled**2 * self.reference_error
+        return PoseBelief(X=self.X_WB, covariance=self.pose.covariance + settled)
 
     @property
     def constant(self) -> Array:

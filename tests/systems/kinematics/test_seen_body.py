@@ -10,6 +10,7 @@ from numpy.testing import assert_allclose
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
 from crossmodal.systems.kinematics.joint_filters import JointFilters, JointFiltersConfig
+from crossmodal.systems.kinematics.joint_graph import pair_filters
 from crossmodal.systems.kinematics.kinematic_model import KinematicModel, KinematicModelConfig
 from crossmodal.systems.kinematics.measurement_errors import MeasurementErrorsConfig
 from crossmodal.systems.port_values import (
@@ -112,6 +113,36 @@ def _after_closing(
         driver.set(*bodies)
         driver.tick()
     return driver
+
+
+def test_the_errors_are_those_of_who_follows_the_body() -> None:
+    filters = pair_filters(KinematicModelConfig(), "test")
+    assert filters.of(_seen(JointType.PRISMATIC, 1)) is filters.seen
+    assert filters.of(_held(JointType.PRISMATIC, _CLOSED, is_seen=True)) is filters.seen
+    assert filters.of(_held(JointType.PRISMATIC, _CLOSED)) is filters.held
+
+
+@pytest.mark.parametrize("are_known", [True, False])
+def test_the_landmarks_of_the_seen_body_say_where_it_is_in_the_held_one(are_known: bool) -> None:
+    """The pose of the tick at which the hand has closed is 3 mm off; the landmarks are not."""
+    joint, error = JointType.PRISMATIC, 3e-3
+    driver = Driver(_model())
+    for k in range(1, _CLOSED + 1):
+        body = _seen(joint, k)
+        if k == _CLOSED:
+            body.motion.X[0, 3] += error
+        driver.set(body, *([_held(joint, k)] if k == _CLOSED else []))
+        driver.tick()
+    rest = _at(_held(joint, _CLOSED).X_WB_reference[:3, 3] - [_SPEED * _CLOSED * _PERIOD, 0.0, 0.0])
+    ids = _seen(joint, 1).feature_ids + (0 if are_known else 2)
+    off = []
+    for k in range(_CLOSED + 1, _CLOSED + 90):
+        held = _held(joint, k, is_seen=True)
+        driver.set(replace(held, feature_ids=ids, seen_reference=rest))
+        driver.tick()
+        q = abs(_joint_of_held(driver).models[joint].configuration[0])
+        off.append(q - _SPEED * k * _PERIOD)
+    assert (np.abs(off[-10:]) < 0.2 * error).all() == are_known
 
 
 @pytest.mark.parametrize("joint", [JointType.PRISMATIC, JointType.REVOLUTE])

@@ -90,12 +90,12 @@ def test_what_shows_something_else_than_at_first_in_most_of_the_image_is_no_chan
 
 
 def test_the_robot_counts_for_nothing() -> None:
-    share = 0.7
+    share = 0.8
     robot = np.zeros((HEIGHT, WIDTH, 1), np.uint8)
     robot[: round(share * HEIGHT)] = 255
-    images = [measured(k, moved=0.01 * k, share=share) for k in range(20)]
+    images = [measured(k, moved=0.01 * max(k - 10, 0), share=share) for k in range(30)]
     assert any(told(images))
-    assert not any(told(images, [robot] * 20))
+    assert not any(told(images, [robot] * 30))
 
 
 def test_a_covered_camera_and_a_small_image_tell_nothing() -> None:

@@ -6,6 +6,7 @@ import numpy as np
 from pydrake.systems.framework import Context
 from pydrake.systems.sensors import ImageDepth32F, ImageGrey8U
 
+from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array, Mask
 from crossmodal.maths.immutable import Immutable
 from crossmodal.systems.depth_camera import (
@@ -19,6 +20,7 @@ from crossmodal.systems.flap.tracking.flap_tracking_config import (
     FlapTrackingConfig,
     check_flap_tracking,
 )
+from crossmodal.systems.flap.tracking.free_edge import free_edge
 from crossmodal.systems.flap.tracking.plane_fit import (
     PlaneFit,
     fit_plane,
@@ -209,8 +211,39 @@ def track_flap(
     flap = choose_flap(parts, pointing, camera, config, is_touched=touched, is_ahead=is_ahead)
     if isinstance(flap, str):
         return replace(track, plane=unseen(flap))
-    p_WC = track.p_WC if touched else None
-    return replace(track, plane=describe(flap, parts, camera, p_WC, config))
+    plane = describe(flap, parts, camera, track.p_WC if touched else None, config)
+    if plane.seen and track.p_WC is None:
+        plane = _with_edge(plane, flap, parts, excluded, contact.X_WS, camera, config)
+    return replace(track, plane=plane)
+
+
+def _with_edge(
+    plane: FlapPlane,
+    fit: PlaneFit,
+    parts: Parts,
+    excluded: Array | None,
+    X_WS: Array,
+    camera: DepthCamera,
+    config: FlapTrackingConfig,
+) -> FlapPlane:
+    """The plane with the free edge before which the fingertip (4, 4) waits, if that is seen."""
+    X_CS = se3.inverse(camera.X_WC) @ X_WS
+    y_C, z_C = X_CS[:3, 1], X_CS[:3, 2]
+    near = ahead(parts.image, X_CS[:3, 3], y_C, _BEFORE_TOUCH * config.region.flap_length)
+    edge = free_edge(
+        parts.image,
+        fit,
+        near,
+        excluded,
+        (y_C, z_C),
+        camera.intrinsics,
+        config.pixel_gate * parts.sigma,
+        config.sensor.correlation,
+    )
+    if edge is None:
+        return plane
+    R, p = camera.X_WC[:3, :3], camera.X_WC[:3, 3]
+    return replace(plane, edge_W=R @ edge.direction_C, p_WG=R @ edge.p_CE + p)
 
 
 class FlapTracker(RecursiveFilter):

@@ -101,11 +101,13 @@ def test_a_flap_that_was_never_touched_is_what_lies_ahead_of_the_finger(hangs: f
     assert np.linalg.norm(tracker.error(hangs)[:3]) < 0.06
 
 
-def untouched(tracker: Tracker, off: Array, hidden: Array | None = None) -> FlapTrack:
-    """The track of a finger that waits 3 cm before the edge, turned by `off` (3,) about it."""
+def untouched(
+    tracker: Tracker, off: Array, hidden: Array | None = None, clearance: float = 0.03
+) -> FlapTrack:
+    """The track of a finger that waits before the edge, turned by `off` (3,) about it."""
     X_WS = tracker.lab.contact(0.0, 0.0).X_WS.copy()
     X_WS = X_WS @ pose(se3.so3_exp(off), np.zeros(3))
-    X_WS[:3, 3] -= 0.04 * X_WS[:3, 1]
+    X_WS[:3, 3] -= (0.01 + clearance) * X_WS[:3, 1]
     depth = measured_depth(ideal_depth(tracker.lab.tool, 0.0, tracker.lab.X_WC_true), tracker.rng)
     p_WE = tracker.lab.tool.p_WK + np.array([0.0, 0.0, 0.1])
     finger = replace(UNKNOWN_FINGERTIP, X_WS=X_WS)
@@ -122,6 +124,15 @@ def test_the_free_edge_is_seen_however_the_finger_is_turned(axis: int, angle: fl
     p_FG = tool.frame(0.0).T @ (plane.p_WG - tool.p_WK)
     assert_allclose(p_FG[:2], [tool.length, tool.front], atol=0.004)
     assert abs(p_FG[2]) < 0.02
+
+
+@pytest.mark.parametrize("clearance", [0.02, 0.03, 0.05])
+def test_the_flap_is_what_lies_beyond_its_edge_however_far_the_finger_is(clearance: float) -> None:
+    """What is farther from the edge than a short flap is long may be the bracket's."""
+    tracker = Tracker(3)
+    plane, tool = untouched(tracker, np.zeros(3), clearance=clearance).plane, tracker.lab.tool
+    p_FF = tool.frame(0.0).T @ (plane.p_WF - tool.p_WK)
+    assert p_FF[0] == pytest.approx(tool.length - 0.5 * CONFIG.region.flap_length, abs=0.004)
 
 
 def test_where_the_robot_ends_the_flap_there_is_no_edge() -> None:

@@ -57,7 +57,8 @@ class FlipSequenceConfig:
     follow_speed: float = number(0.03, above=0.0, at_most=1.0, unit="m/s")
     # Largest angle on the edge's arc between the finger and its next goal.
     arc_step: float = number(0.25, above=0.0, at_most=1.6, unit="rad")
-    # How near the finger gets to where it waits before the edge.
+    # How near the finger gets to where it waits before the edge; it is turned to the flap as it is
+    # seen as well before it approaches first.
     arrival_distance: float = number(0.002, above=0.0, at_most=0.1, unit="m")
     arrival_angle: float = number(0.03, above=0.0, at_most=1.0, unit="rad")
     # Once the flap is turned, the finger goes so far in its own frame: off the edge, and along
@@ -74,4 +75,5 @@ class FlipSequenceConfig:
     tactile_flip: list[float] = numbers([1.0, 0.0, 0.0, 1.0, 1.0, 0.0], **_SWITCH)
     # A pad that is not rolled as the flap is would push it away from the turn.
     visual_establish: list[float] = numbers([0.0, 0.0, 1.0, 0.0, 0.0, 0.0], **_SWITCH)
+    # The same before the first contact: the whole finger turns to the flap.
     visual_flip: list[float] = numbers([1.0, 1.0, 1.0, 1.0, 1.0, 1.0], **_SWITCH)

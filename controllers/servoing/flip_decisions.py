@@ -68,7 +68,8 @@ class FlipState(Immutable):
         turned: By how much the finger has turned about its own z since the flip began, [rad].
         displacement: Of the fingertip along its x since then, [m].
         X_WS: Pose at the last update (4, 4); NaN before the first.
-        waits: Whether it stands still, since touch cannot be trusted.
+        waits: Whether it does not go on, since touch cannot be trusted or since the finger still
+            turns to the flap as it is seen.
         losses: How often the contact was lost.
         why: Why it failed, in words; empty if it has not.
     """
@@ -114,6 +115,8 @@ class Sensed:
         theta: Angle of the flap as it is perceived, [rad]; NaN while unknown.
         hinge: `HingeBelief`; None while unknown.
         distrust: Why touch does not show whether there is a contact; empty while it does.
+        misalignment: Angle by which the finger is still to turn to a flap that is seen and was
+            never touched, [rad].
     """
 
     time: float
@@ -122,6 +125,7 @@ class Sensed:
     theta: float = float("nan")
     hinge: Any = None
     distrust: str = ""
+    misalignment: float = 0.0
 
 
 def own_turn(X_WS_before: Array, X_WS: Array) -> float:
@@ -153,7 +157,9 @@ def next_flip_state(state: FlipState, now: Sensed, config: FlipSequenceConfig) -
             return _enter(state, FlipPhase.ESTABLISH_CONTACT, now)
         if sought > config.approach_displacement:
             return _fail(state, now, "nothing was touched")
-        return state
+        if now.time - state.since > config.search_time:
+            return _fail(state, now, "the finger does not get to the flap as it is seen")
+        return replace(state, waits=now.misalignment > config.arrival_angle)
     if now.time - state.sensed_at > config.lost_time:
         if state.phase == FlipPhase.FLIP:
             lost = replace(state, losses=state.losses + 1)

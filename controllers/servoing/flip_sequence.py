@@ -7,7 +7,7 @@ from pydrake.common.value import Value
 from pydrake.systems.framework import Context
 
 from crossmodal.controllers.arm.kinematics import ArmModel
-from crossmodal.controllers.arm.sequence import Sequence, known_belief
+from crossmodal.controllers.arm.sequence import Sequence, known_belief, read
 from crossmodal.controllers.servoing.contact_search import twist_towards
 from crossmodal.controllers.servoing.flip_config import FlipSequenceConfig
 from crossmodal.controllers.servoing.flip_decisions import (
@@ -59,8 +59,8 @@ def visual_projector(phase: FlipPhase, config: FlipSequenceConfig) -> Array:
     """Diagonal (6,) of P_vis in a phase."""
     if phase >= FlipPhase.RETREAT:
         return np.zeros(6)
-    flipping = phase == FlipPhase.FLIP
-    return np.array(config.visual_flip if flipping else config.visual_establish)
+    establishing = phase == FlipPhase.ESTABLISH_CONTACT
+    return np.array(config.visual_establish if establishing else config.visual_flip)
 
 
 class FlipSequence(Sequence):
@@ -75,6 +75,8 @@ class FlipSequence(Sequence):
       gone is followed.
     - `taxel_health_latest`: `StreamHealth` of the taxels; while it has an age, nothing is sought.
       May stay unconnected.
+    - `misalignment_seen`: (1,) of `VisualServoing`, [rad]; the finger first turns to the flap, then
+      approaches it. May stay unconnected.
 
     Output ports:
     - `phase`: (1,) `FlipPhase`.
@@ -108,6 +110,7 @@ class FlipSequence(Sequence):
         self._angle = self.DeclareAbstractInputPort("flap_angle_latest", Value[object]())
         self._hinge = self.DeclareAbstractInputPort("hinge_latest", Value[object]())
         self._health = self.DeclareAbstractInputPort("taxel_health_latest", Value[object]())
+        self._misalignment = self.DeclareVectorInputPort("misalignment_seen", 1)
         self._declare_state(FIRST, config.period)
         vector, on_contact = self._declare_vector, self._on_state | {self._contact.ticket()}
         vector("phase", 1, lambda c: self._state(c).phase, self._on_state)
@@ -133,6 +136,7 @@ class FlipSequence(Sequence):
             contact=self._contact.Eval(context),
             theta=float("nan") if angle is None else angle.theta,
             hinge=hinge,
+            misalignment=float(read(self._misalignment, context, 0.0)[0]),
             distrust=health.fault if health is not None and health.age > 0.0 else "",
         )
         return next_flip_state(self._state(context), now, self._config)

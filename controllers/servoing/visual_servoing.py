@@ -10,6 +10,7 @@ from pydrake.systems.framework import BasicVector, Context, LeafSystem
 from crossmodal.controllers.arm.kinematics import ArmModel
 from crossmodal.controllers.arm.sequence import known_belief
 from crossmodal.controllers.servoing.twists import from_contact
+from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.validation import check, number
 from crossmodal.maths.vectors import cross
@@ -28,8 +29,6 @@ class VisualServoingConfig:
     """
 
     typical_distance = 0.085
-    # Of the edge from the pad before the first touch: the pad turns about where it will touch.
-    edge_distance: float = number(0.03, at_least=0.0, at_most=1.0, unit="m")
     # Gain of the roll towards the flap, and of the finger's alignment with the hinge.
     roll_gain: float = number(1.0, at_least=0.0, at_most=100.0, unit="1/s")
     align_gain: float = number(0.5, at_least=0.0, at_most=100.0, unit="1/s")
@@ -62,21 +61,48 @@ def roll_angle(y_S: Array, z_S: Array, n_f: Array) -> float:
     return float(np.arctan2(cross(y_S, target) @ z_S, y_S @ target))
 
 
+def seen_misalignment(R_WS: Array, plane: Any) -> Array:
+    """The rotation vector (3,) in S that turns a fingertip to a flap as it is seen, [rad].
+
+    Then x_S is the flap's normal and z_S lies along its free edge. Where the edge is not seen, it
+    is the least rotation that turns x_S to the normal.
+
+    Args:
+        R_WS: Orientation of the fingertip (3, 3).
+        plane: `FlapPlane` that is seen.
+    """
+    n_S = R_WS.T @ plane.n_W
+    edge_S = R_WS.T @ plane.edge_W
+    if not np.isfinite(edge_S).all():
+        axis = np.array([0.0, -n_S[2], n_S[1]])  # x cross n
+        sine = float(np.linalg.norm(axis))
+        return axis * (float(np.arctan2(sine, n_S[0])) / max(sine, 1e-9))
+    z_S = edge_S - n_S * (n_S @ edge_S)
+    z_S /= np.linalg.norm(z_S)
+    return np.asarray(se3.so3_log(np.column_stack([n_S, cross(z_S, n_S), z_S])))
+
+
 def approaching_twist(
-    X_WS: Array, n_W: Array, reach: float, projector: Array, config: VisualServoingConfig
+    X_WS: Array, plane: Any, reach: float, projector: Array, config: VisualServoingConfig
 ) -> Array:
-    """V_WS_S (6,) that turns a pad to a flap that it has not touched yet.
+    """V_WS_S (6,) that turns a finger to a flap that it has not touched yet.
+
+    It turns about the place of the edge at which the pad points, or about the pad where the edge is
+    not seen.
 
     Args:
         X_WS: Pose of the fingertip (4, 4).
-        n_W: Normal (3,) of the flap, on the side to which it turns.
+        plane: `FlapPlane` that is seen.
         reach: Of the pad from the fingertip's origin, [m].
         projector: Diagonal (6,) of P_vis.
     """
-    y_S, z_S = np.ascontiguousarray(X_WS[:3, :3].T)[1:]
-    rate = config.roll_gain * roll_angle(y_S, z_S, n_W)
-    V = np.array([0.0, 0.0, np.clip(rate, -config.turn_limit, config.turn_limit), 0.0, 0.0, 0.0])
-    return from_contact(V * projector, np.array([0.0, reach + config.edge_distance, 0.0]))
+    w_S = config.roll_gain * seen_misalignment(X_WS[:3, :3], plane)
+    V = np.concatenate([np.clip(w_S, -config.turn_limit, config.turn_limit), np.zeros(3)])
+    if np.isfinite(plane.edge_W).all():
+        y_W = X_WS[:3, 1]
+        across = y_W - plane.edge_W * (plane.edge_W @ y_W)
+        reach = float((plane.p_WG - X_WS[:3, 3]) @ across / (across @ across))
+    return from_contact(V * projector, np.array([0.0, reach, 0.0]))
 
 
 def hinge_distance(p_WC: Array, hinge: Any) -> tuple[float, float]:
@@ -118,12 +144,14 @@ class VisualServoing(LeafSystem):
       v_z.
     - `flap_angle_latest`: `FlapAngleBelief`. May stay unconnected.
     - `hinge_latest`: `HingeBelief`. May stay unconnected.
-    - `flap_plane_latest`: `FlapPlane`, to which the pad rolls before it touches. May stay
+    - `flap_plane_latest`: `FlapPlane`, to which the finger turns before it touches. May stay
       unconnected.
 
     Output ports:
     - `visual_twist_desired`: (6,) V_WS_S, [rad/s, m/s]; without a contact it is zero, but for the
-      roll to a flap that is seen and was never touched.
+      turn to a flap that is seen and was never touched.
+    - `misalignment_seen`: (1,) angle by which it is still to turn so, [rad]; zero where there is no
+      such flap.
 
     Frames: W world, S fingertip, C contact.
 
@@ -150,21 +178,43 @@ class VisualServoing(LeafSystem):
         self._hinge = self.DeclareAbstractInputPort("hinge_latest", Value[object]())
         self._plane = self.DeclareAbstractInputPort("flap_plane_latest", Value[object]())
         self.DeclareVectorOutputPort("visual_twist_desired", 6, self._calc_twist)
+        self.DeclareVectorOutputPort(
+            "misalignment_seen",
+            1,
+            self._calc_misalignment,
+            {port.ticket() for port in (self._joints, self._contact, self._angle, self._plane)},
+        )
+
+    def _untouched(self, context: Context) -> Any:
+        """The flap's plane where that is seen and was never touched, else None."""
+        contact: Any = self._contact.Eval(context)
+        plane: Any = self._plane.Eval(context) if self._plane.HasValue(context) else None
+        if contact.touching or known_belief(self._angle, context) is not None:
+            return None
+        return plane if plane is not None and plane.seen else None
+
+    def _X_WS(self, context: Context) -> Array:
+        return self._arm.Evaluate(np.asarray(self._joints.Eval(context))).X_WE
+
+    def _calc_misalignment(self, context: Context, output: BasicVector) -> None:
+        plane, left = self._untouched(context), np.zeros(3)
+        if plane is not None:
+            left = seen_misalignment(self._X_WS(context)[:3, :3], plane)
+        output.SetFromVector([float(np.linalg.norm(left))])
 
     def _calc_twist(self, context: Context, output: BasicVector) -> None:
         contact: Any = self._contact.Eval(context)
-        X_WS = self._arm.Evaluate(np.asarray(self._joints.Eval(context))).X_WE
-        angle, hinge = (known_belief(port, context) for port in (self._angle, self._hinge))
+        X_WS = self._X_WS(context)
         projector = np.asarray(self._projector.Eval(context))
         if not contact.touching:
-            plane: Any = self._plane.Eval(context) if self._plane.HasValue(context) else None
-            is_first = angle is None and plane is not None and plane.seen
+            plane = self._untouched(context)
             output.SetFromVector(
-                approaching_twist(X_WS, plane.n_W, self._reach, projector, self._config)
-                if is_first
-                else np.zeros(6)
+                np.zeros(6)
+                if plane is None
+                else approaching_twist(X_WS, plane, self._reach, projector, self._config)
             )
             return
+        angle, hinge = (known_belief(port, context) for port in (self._angle, self._hinge))
         feed = float(self._feed.Eval(context)[0])
         V_tactile = from_contact(np.asarray(self._tactile.Eval(context)), -contact.p_SC)
         V_WC_S = servoing_twist(X_WS, contact.p_SC, feed, V_tactile[3:], angle, hinge, self._config)

@@ -80,6 +80,7 @@ def make_flip_control(
     connect_alike(builder, sequence, "feed_forward", visual)
     connect_alike(builder, tactile, "tactile_twist_desired", visual)
     connect_alike(builder, joints, "twist_share", tactile)
+    connect_alike(builder, visual, "misalignment_seen", sequence)
     health = taxels.GetOutputPort("health_latest")
     builder.Connect(health, sequence.GetInputPort("taxel_health_latest"))
     twists = (

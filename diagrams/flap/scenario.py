@@ -95,7 +95,7 @@ class FingerConfig:
     # Half range of each coordinate, by hand.
     placement: float = number(0.002, at_least=0.0, at_most=0.1, unit="m")
     # Largest angle by which it is turned about the place of contact, by hand, about any axis.
-    rotation: float = number(0.0, at_least=0.0, at_most=45.0, unit="deg")
+    rotation: float = number(10.0, at_least=0.0, at_most=45.0, unit="deg")
 
     def layout(self) -> TaxelLayout:
         """The taxels as the robot knows them."""

@@ -22,6 +22,9 @@ class FlapPlane:
             same error in all images.
         p_WF: Centre of the points of the flap (3,), [m].
         points: How many there are.
+        edge_W: Direction (3,) of the flap's free edge, a unit vector along z of the fingertip; NaN
+            where it is not seen, and once the flap was touched.
+        p_WG: Point on that edge (3,), the middle of what is seen of it, [m].
     """
 
     seen: bool = False
@@ -32,6 +35,8 @@ class FlapPlane:
     points: int = 0
     why: str = ""
     common_covariance: Array = unknown(4, 4)
+    edge_W: Array = unknown(3)
+    p_WG: Array = unknown(3)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,7 +76,8 @@ class FlapAngleBelief:
 
     Attributes:
         known: Whether anything is believed of it; else all is NaN.
-        theta: Angle since the flap was first touched, [rad].
+        theta: Angle from where the flap was seen before it was touched, or else from where it was
+            touched first, [rad].
         variance: Of theta, [rad^2].
         rate: Its rate by the motion of the contact, [rad/s].
         n_W: Unit normal (3,) of the flap that goes with theta: of the face that was seen first.

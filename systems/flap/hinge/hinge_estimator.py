@@ -163,10 +163,15 @@ def update_hinge(
     contact_spread = config.contact_along, config.contact_across
     priors = make_priors(p_WQ, config.tool_size, config.offset, contact_spread, before)
     rounds = config.rounds if state.model is not None else 10 * config.rounds
-    model, covariance = solve(model, frames, priors, rounds)
-    belief = read_hinge(model, covariance, contact.p_WC, displacements)
+    found = solve(model, frames, priors, rounds)
+    if found.misfit > 1.0 and turn(frames) >= limits.least_turn:
+        # The tool may have moved in the hand since the model began.
+        first = first_model(frames, config.tool_size, before[0])
+        afresh = solve(first, frames, priors, 10 * config.rounds)
+        found = min(found, afresh, key=lambda solution: solution.cost)
+    belief = read_hinge(found.model, found.covariance, contact.p_WC, displacements)
     known = is_believed(belief.covariance[:3, :3], belief.covariance[3:, 3:], limits)
-    return replace(state, model=model, belief=belief if known else UNKNOWN_HINGE)
+    return replace(state, model=found.model, belief=belief if known else UNKNOWN_HINGE)
 
 
 class HingeEstimator(RecursiveFilter):
@@ -175,7 +180,8 @@ class HingeEstimator(RecursiveFilter):
     Each tick solves for all that is unknown and constant: the axis, how far the faces lie off it,
     where on the flap the finger touches, and by how much camera and finger arm are displaced by
     their calibrations, of which the registration is the prior. See `hinge_solver`. What was
-    measured is averaged into keyframes; of these a window is kept.
+    measured is averaged into keyframes; of these a window is kept. While they are not of one hinge,
+    as where the tool moves in the hand, it is sought afresh, too, and its covariance is larger.
 
     Input ports:
     - `flap_plane_estimated`: `FlapPlane` of this tick, in W.

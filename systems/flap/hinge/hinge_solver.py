@@ -200,10 +200,27 @@ def make_priors(
     return HingePriors(p_WQ, information, means, contact_spread)
 
 
+class Solution(NamedTuple):
+    """What `solve` finds.
+
+    Attributes:
+        model: The most likely one.
+        covariance: (21, 21) of its corrections.
+        cost: Of the model, by which it compares with others; an outlier's is bounded.
+        misfit: Mean square of the residuals over their covariance, outliers and all: about one or
+            less where the keyframes are of one hinge.
+    """
+
+    model: HingeModel
+    covariance: Array
+    cost: float
+    misfit: float
+
+
 def _normal_equations(
     model: HingeModel, frames: StackedKeyframes, priors: HingePriors
-) -> tuple[Array, Array, float]:
-    """Information (21, 21) and gradient (21,) of the unknowns, and their cost.
+) -> tuple[Array, Array, float, float]:
+    """Information (21, 21) and gradient (21,) of the unknowns, their cost and their misfit.
 
     Outliers among the keyframes are weighed down.
     """
@@ -222,29 +239,30 @@ def _normal_equations(
     for part, value in zip((OFFSETS, CONTACT, CAMERA, TOUCH), model[2:], strict=True):
         x[part] += value
     by_prior = priors.information @ x
-    return J.T @ J + priors.information, J.T @ r + by_prior, float(r @ r + x @ by_prior)
+    cost, misfit = float(r @ r + x @ by_prior), float(square.sum() / rows.sum())
+    return J.T @ J + priors.information, J.T @ r + by_prior, cost, misfit
 
 
 def solve(
     model: HingeModel, frames: StackedKeyframes, priors: HingePriors, rounds: int
-) -> tuple[HingeModel, Array]:
+) -> Solution:
     """Gauss-Newton, damped where a step would make it worse.
 
-    Returns:
-        The model and the covariance (21, 21) of its corrections.
+    What the keyframes' covariances do not explain makes the model's covariance larger.
     """
     damping = 0.0
-    H, g, cost = _normal_equations(model, frames, priors)
+    H, g, cost, misfit = _normal_equations(model, frames, priors)
     for _ in range(rounds):
         step = np.linalg.solve(H + damping * np.diag(np.diag(H)), -g)
         trial = corrected(model, np.asarray(step, dtype=float))
-        H_trial, g_trial, cost_trial = _normal_equations(trial, frames, priors)
+        H_trial, g_trial, cost_trial, misfit_trial = _normal_equations(trial, frames, priors)
         if cost_trial < cost * (1.0 + 1e-9) + 1e-9:
             done = cost - cost_trial < 1e-3
-            model, H, g, cost = trial, H_trial, g_trial, cost_trial
+            model, H, g, cost, misfit = trial, H_trial, g_trial, cost_trial, misfit_trial
             damping *= 0.1
             if done:
                 break
         else:
             damping = max(10.0 * damping, 1e-3)
-    return model, symmetric(np.asarray(np.linalg.inv(H), dtype=float))
+    covariance = symmetric(np.asarray(np.linalg.inv(H), dtype=float))
+    return Solution(model, max(misfit, 1.0) * covariance, cost, misfit)

@@ -6,7 +6,7 @@ import numpy as np
 from pydrake.systems.framework import Context
 
 from crossmodal.systems.depth_camera import DepthCamera, tilt_covariance
-from crossmodal.systems.flap.flap_geometry import CAMERA, FINGER, NAMES, HingeLimitsConfig
+from crossmodal.systems.flap.flap_geometry import FINGER, NAMES, HingeLimitsConfig
 from crossmodal.systems.flap.hinge.hinge_keyframes import begin, merge
 from crossmodal.systems.flap.joint.flap_joint_model import (
     FlapJointConfig,
@@ -14,8 +14,10 @@ from crossmodal.systems.flap.joint.flap_joint_model import (
     FlapJointState,
     expected_normal,
     flap_pose,
+    mean_noise,
     read_joint_angle,
     read_joint_hinge,
+    without_camera,
     without_position,
 )
 from crossmodal.systems.port_values import (
@@ -37,9 +39,20 @@ def corrected(
     finger = displacement_at(contact.p_WC, displacements.p_WQ) @ displacements.of(FINGER)[0]
     contact = replace(contact, p_WC=contact.p_WC - finger)
     if plane.seen:
-        n = plane.n_W - np.cross(displacements.of(CAMERA)[0][:3], plane.n_W)
-        plane = replace(plane, n_W=n / np.linalg.norm(n))
+        plane = replace(plane, n_W=without_camera(plane.n_W, displacements))
     return plane, contact
+
+
+def see_at_rest(state: FlapJointState, plane: FlapPlane, config: FlapJointConfig) -> FlapJointState:
+    """The state with one more image of a flap that nobody has touched, since it last moved."""
+    tick = begin(UNKNOWN_FINGERTIP, plane, 1)
+    rest = state.rest
+    if rest is not None:
+        noise = plane.covariance[:3, :3] + mean_noise(rest)
+        apart = float(np.linalg.norm(np.cross(rest.n_W, plane.n_W)))
+        if apart**2 < config.gate**2 * float(np.linalg.eigvalsh(noise)[-1]):
+            return replace(state, rest=merge(rest, tick))
+    return replace(state, rest=tick)
 
 
 def update_joint(
@@ -57,6 +70,8 @@ def update_joint(
     """
     config, touching = model.config, contact.contact.touching
     unmeasured = None if state.filters is None else model.now(state.filters, time)
+    if state.displacements is None and plane.seen and not touching:
+        state = see_at_rest(state, plane, config)
     if not displacements.known or not (touching or (plane.seen and state.filters is not None)):
         return replace(state, model=unmeasured, measured=False)
     if state.displacements is None:
@@ -101,7 +116,7 @@ def _add_reference(
     moved = float(np.linalg.norm(state.moved))
     if reference.ticks < config.reference_images and moved < config.at_rest:
         return state
-    n, noise = reference.n_W, reference.plane_covariance[:3, :3] / reference.ticks
+    n, noise = reference.n_W, mean_noise(reference)
     contact = replace(contact, p_WC=reference.p_WC)
     correlated_n = config.flatness**2 * np.eye(3)
     pose = flap_pose(n, n, noise, correlated_n, contact, config.contact_spread, config.twist)

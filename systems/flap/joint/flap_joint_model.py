@@ -20,6 +20,7 @@ from crossmodal.systems.flap.flap_geometry import (
     FINGER,
     HOLDER,
     HingeLimitsConfig,
+    angle_about,
     is_believed,
     turned_normal,
 )
@@ -134,6 +135,8 @@ class FlapJointConfig(Ticked):
     unseen_normal: float = number(0.5, at_least=1e-6, at_most=10.0, unit="rad")
     # Error of a normal that stays for seconds: faces are not flat.
     flatness: float = number(1e-3, at_least=0.0, at_most=1.0, unit="rad")
+    # A flap that nobody touches has moved once its normal is off by so many standard deviations.
+    gate: float = number(3.0, above=0.0, at_most=100.0)
     # Images whose average is the reference, from the first touch on.
     reference_images: int = number(15, at_least=1, at_most=1000)
     # Path of the contact after which no more of them are waited for.
@@ -147,6 +150,8 @@ class FlapJointState(Immutable):
     Attributes:
         displacements: Of camera, holder and finger about the first contact, as they were known
             then, by which all is corrected; None before.
+        rest: What was seen of the flap before it was touched first, since it last moved; None if
+            nothing was.
         reference: What was seen and touched at first; None before.
         moved: How far what is touched has moved since (3,), while the reference grows, [m].
         reference_moved: Mean of that over the reference (3,), [m].
@@ -161,6 +166,7 @@ class FlapJointState(Immutable):
     """
 
     displacements: DisplacementBelief | None = None
+    rest: Keyframe | None = None
     reference: Keyframe | None = None
     moved: Array = field(default_factory=lambda: np.zeros(3))
     reference_moved: Array = field(default_factory=lambda: np.zeros(3))
@@ -214,21 +220,38 @@ def angle_at_reference(
 ) -> tuple[float, float]:
     """How far the flap was turned in the mean of the reference's images, and its variance.
 
-    What is touched has moved since it was touched first, and the finger may have slipped on it
-    meanwhile. Of the angle that the filters count from there, the reference's noise is an error,
-    too.
+    It is the angle from where it was seen before the first touch: what yields to less than is
+    sensed has turned already. Of a flap that was not seen then, what is touched has moved since
+    it was touched first, and the finger may have slipped on it meanwhile. Of the angle that the
+    filters count from there, the reference's noise is an error, too.
     """
-    reference = state.reference
+    reference, rest = state.reference, state.rest
     assert reference is not None
+    along_0 = np.cross(k, state.n0_W)
+    variance = float(along_0 @ state.n0_noise @ along_0)
+    if rest is not None:
+        n_W, noise = without_camera(rest.n_W, state.displacements), mean_noise(rest)
+        return angle_about(k, n_W, state.n0_W), variance + float(along_0 @ noise @ along_0)
     u = reference.p_WC - p_PA
     u = u - k * (k @ u)
     along = np.cross(k, u) / (u @ u)
-    along_0 = np.cross(k, state.n0_W)
     time = 0.5 * reference.ticks * config.period / config.filters.errors.declared_time
     slip = 2.0 * config.contact_spread**2 * (1.0 - np.exp(-time))
-    noise = reference.p_WC_covariance / reference.ticks + slip * np.eye(3)
-    variance = float(along @ noise @ along + along_0 @ state.n0_noise @ along_0)
-    return float(along @ state.reference_moved), variance
+    touched = reference.p_WC_covariance / reference.ticks + slip * np.eye(3)
+    return float(along @ state.reference_moved), variance + float(along @ touched @ along)
+
+
+def mean_noise(frame: Keyframe) -> Array:
+    """Covariance (3, 3) of a keyframe's normal by the noise of its images."""
+    return np.asarray(frame.plane_covariance[:3, :3] / frame.ticks)
+
+
+def without_camera(n_W: Array, displacements: DisplacementBelief | None) -> Array:
+    """A seen normal (3,) without what is known of the camera's displacement."""
+    if displacements is None:
+        return n_W
+    n = n_W - np.cross(displacements.of(CAMERA)[0][:3], n_W)
+    return np.asarray(n / np.linalg.norm(n))
 
 
 def _turned(k: Array, covariance: Array) -> Array:

@@ -6,6 +6,7 @@ import numpy as np
 from pydrake.systems.framework import Context
 from pydrake.systems.sensors import ImageDepth32F, ImageGrey8U
 
+from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array, Mask
 from crossmodal.maths.immutable import Immutable
 from crossmodal.systems.depth_camera import (
@@ -19,6 +20,7 @@ from crossmodal.systems.flap.tracking.flap_tracking_config import (
     FlapTrackingConfig,
     check_flap_tracking,
 )
+from crossmodal.systems.flap.tracking.free_edge import EdgeFit, free_edge
 from crossmodal.systems.flap.tracking.plane_fit import (
     PlaneFit,
     fit_plane,
@@ -44,8 +46,8 @@ from crossmodal.systems.port_values import (
 )
 from crossmodal.systems.recursive_filter import RecursiveFilter
 
-# So many lengths of the flap are looked at ahead of a pad that is still away from the edge.
-_BEFORE_TOUCH = 1.5
+# The edge is looked for so many lengths of the flap ahead of a pad that is still away from it.
+_BEFORE_TOUCH = 2.5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -209,8 +211,43 @@ def track_flap(
     flap = choose_flap(parts, pointing, camera, config, is_touched=touched, is_ahead=is_ahead)
     if isinstance(flap, str):
         return replace(track, plane=unseen(flap))
-    p_WC = track.p_WC if touched else None
-    return replace(track, plane=describe(flap, parts, camera, p_WC, config))
+    edge = None
+    if track.p_WC is None:
+        X_CS = se3.inverse(camera.X_WC) @ contact.X_WS
+        edge = _edge_before(X_CS, flap, parts, excluded, camera, config)
+        if edge is not None and len(parts.fits) == 1:
+            # What lies farther from the edge need not be the flap's.
+            length = float((edge.p_CE - X_CS[:3, 3]) @ X_CS[:3, 1]) + config.region.flap_length
+            near = ahead(parts.image, X_CS[:3, 3], X_CS[:3, 1], length)
+            flap = _ahead_of_pad(parts, flap, near, config) or flap
+    plane = describe(flap, parts, camera, track.p_WC if touched else None, config)
+    if plane.seen and edge is not None:
+        R, p_WC = camera.X_WC[:3, :3], camera.X_WC[:3, 3]
+        plane = replace(plane, edge_W=R @ edge.direction_C, p_WG=R @ edge.p_CE + p_WC)
+    return replace(track, plane=plane)
+
+
+def _edge_before(
+    X_CS: Array,
+    fit: PlaneFit,
+    parts: Parts,
+    excluded: Array | None,
+    camera: DepthCamera,
+    config: FlapTrackingConfig,
+) -> EdgeFit | None:
+    """The free edge before which the fingertip (4, 4) waits, if that is seen."""
+    y_C, z_C = X_CS[:3, 1], X_CS[:3, 2]
+    near = ahead(parts.image, X_CS[:3, 3], y_C, _BEFORE_TOUCH * config.region.flap_length)
+    return free_edge(
+        parts.image,
+        fit,
+        near,
+        excluded,
+        (y_C, z_C),
+        camera.intrinsics,
+        config.pixel_gate * parts.sigma,
+        config.sensor.correlation,
+    )
 
 
 class FlapTracker(RecursiveFilter):

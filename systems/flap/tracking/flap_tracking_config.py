@@ -35,8 +35,8 @@ class RegionConfig:
     reach: float = number(0.35, at_least=0.05, at_most=5.0, unit="m")
     # Of the ball about the contact.
     radius: float = number(0.2, at_least=0.05, at_most=5.0, unit="m")
-    # What lies so far ahead of the pad is the flap, however small the angle of the two parts.
-    flap_length: float = number(0.06, at_least=0.01, at_most=1.0, unit="m")
+    # What lies so far beyond the free edge is the flap, however small the angle of the two parts.
+    flap_length: float = number(0.04, at_least=0.01, at_most=1.0, unit="m")
     # Largest distance from the contact to the flap's plane: calibration and the flap's thickness.
     contact_distance: float = number(0.04, at_least=1e-3, at_most=1.0, unit="m")
 

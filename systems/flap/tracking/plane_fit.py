@@ -58,7 +58,7 @@ def _normal_equations(image: InverseDepth, pixels: Mask) -> tuple[Array, Array, 
 
 
 @hot
-def _near_plane(image: InverseDepth, allowed: Mask, m_C: Array, limit: float) -> Mask:
+def near_plane(image: InverseDepth, allowed: Mask, m_C: Array, limit: float) -> Mask:
     """Which of the allowed pixels (h, w) are nearer to a plane (3,) than `limit`, [1/m]."""
     near = np.zeros_like(allowed)
     for row in range(image.w.shape[0]):
@@ -91,7 +91,7 @@ def refine_plane(
     fit: PlaneFit | None = start
     for _ in range(rounds):
         if fit is not None:
-            near = _near_plane(image, allowed, fit.m_C, limit)
+            near = near_plane(image, allowed, fit.m_C, limit)
             fit = fit_plane(image, near, least)
     return fit
 

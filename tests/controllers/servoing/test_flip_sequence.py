@@ -25,6 +25,7 @@ from crossmodal.controllers.servoing.flip_sequence import (
     approach_twist,
     feed_forward,
     tactile_projector,
+    visual_projector,
 )
 from crossmodal.maths import se3
 from crossmodal.plants.robots.arm_with_hand import make_arm_with_load
@@ -60,7 +61,14 @@ class Episode:
         self.X_WS = X_START.copy()
 
     def go(  # type: ignore[no-untyped-def]
-        self, seconds, contact=NO_CONTACT, theta=np.nan, hinge=None, step=None, distrust=""
+        self,
+        seconds,
+        contact=NO_CONTACT,
+        theta=np.nan,
+        hinge=None,
+        step=None,
+        distrust="",
+        misalignment=0.0,
     ):
         for _ in range(round(seconds / CONFIG.period)):
             self.time += CONFIG.period
@@ -73,6 +81,7 @@ class Episode:
                 theta=theta,
                 hinge=hinge,
                 distrust=distrust,
+                misalignment=misalignment,
             )
             self.state = next_flip_state(self.state, now, CONFIG)
         return self
@@ -92,6 +101,17 @@ def test_the_phases_follow_each_other() -> None:
     assert episode.state.phase == FlipPhase.FLIP
     episode.go(0.02, touching(), theta=CONFIG.angle + 0.01)
     assert episode.state.phase == FlipPhase.RETREAT
+
+
+def test_the_finger_approaches_once_it_is_turned_to_the_flap_as_it_is_seen() -> None:
+    episode = Episode().go(1.0, misalignment=2.0 * CONFIG.arrival_angle)
+    assert_allclose(approach_twist(episode.state, False, CONFIG), 0.0)
+    assert_allclose(visual_projector(episode.state.phase, CONFIG), 1.0)
+    episode.go(0.01, misalignment=0.5 * CONFIG.arrival_angle)
+    assert approach_twist(episode.state, False, CONFIG)[4] == CONFIG.approach_speed
+    episode.go(CONFIG.search_time, misalignment=2.0 * CONFIG.arrival_angle)
+    assert episode.state.phase == FlipPhase.FAILED
+    assert "as it is seen" in episode.state.why
 
 
 def turned() -> Episode:

@@ -1,5 +1,7 @@
 """The roll towards the flap, the arc and the alignment with the hinge, in closed form."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -11,11 +13,12 @@ from crossmodal.controllers.servoing.visual_servoing import (
     fused_distance,
     hinge_distance,
     roll_angle,
+    seen_misalignment,
     servoing_twist,
     towards_hinge,
 )
 from crossmodal.maths import se3
-from crossmodal.systems.port_values import FlapAngleBelief, HingeBelief
+from crossmodal.systems.port_values import FlapAngleBelief, FlapPlane, HingeBelief
 
 CONFIG = VisualServoingConfig()
 P_SC = np.array([0.0, 0.01, 0.0])
@@ -125,16 +128,37 @@ def test_the_contact_does_not_slide_along_the_hinge(off: np.ndarray) -> None:
     assert twist(X, feed=0.007)[5] == 0.0
 
 
-@pytest.mark.parametrize("error", [-0.3, 0.2])
-def test_before_it_touches_the_pad_turns_to_the_flap_about_the_edge(error: float) -> None:
-    n_W, reach = flap(0.0).n_W, 0.01
-    edge = np.array([0.0, reach + CONFIG.edge_distance, 0.0])
-    X = rolled(error)
-    p_W = X[:3, 3] + X[:3, :3] @ edge
-    for _ in range(200):
-        V = approaching_twist(X, n_W, reach, np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0]), CONFIG)
-        assert abs(V[2]) <= CONFIG.turn_limit
-        assert_allclose(from_contact(V, -edge)[3:], 0.0, atol=1e-15)
+EDGE_W = np.array([0.1, -1.0, 0.0]) / np.hypot(0.1, 1.0)
+SEEN = FlapPlane(
+    seen=True,
+    n_W=np.array([1.0, 0.1, 0.0]) / np.hypot(0.1, 1.0),
+    edge_W=EDGE_W,
+    p_WG=np.array([0.0, 0.0, -0.05]) + 0.04 * EDGE_W,
+)
+
+
+@pytest.mark.parametrize("error", [np.array([0.1, -0.15, 0.2]), np.array([-0.2, 0.1, -0.3])])
+def test_before_it_touches_the_finger_turns_to_the_flap_about_the_edge(error: np.ndarray) -> None:
+    X, edge = X_WS_START.copy(), np.array([0.0, 0.045, 0.0])
+    X[:3, :3] = X[:3, :3] @ se3.so3_exp(error)
+    X[:3, 3] = np.array([0.0, 0.0, -0.05]) - X[:3, :3] @ edge
+    for _ in range(400):
+        V = approaching_twist(X, SEEN, 0.01, np.ones(6), CONFIG)
+        assert np.abs(V[:3]).max() <= CONFIG.turn_limit
+        assert_allclose(from_contact(V, -edge)[3:], 0.0, atol=1e-9)
         X = X @ se3.exp(0.02 * V)
-    assert_allclose(X[:3, 3] + X[:3, :3] @ edge, p_W, atol=1e-9)
-    assert abs(roll_angle(X[:3, 1], X[:3, 2], n_W)) < 0.05 * abs(error)
+    assert_allclose(X[:3, :3] @ edge + X[:3, 3], [0.0, 0.0, -0.05], atol=1e-6)
+    assert X[:3, 0] @ SEEN.n_W == pytest.approx(1.0, abs=1e-4)
+    assert X[:3, 2] @ EDGE_W == pytest.approx(1.0, abs=1e-4)
+
+
+def test_without_an_edge_the_finger_turns_to_the_normal_about_its_pad() -> None:
+    plane, X = replace(SEEN, edge_W=np.full(3, np.nan)), X_WS_START.copy()
+    before = seen_misalignment(X[:3, :3], plane)
+    assert np.linalg.norm(before) == pytest.approx(np.arctan(0.1))
+    assert before[0] == 0.0
+    V = approaching_twist(X, plane, 0.01, np.ones(6), CONFIG)
+    assert_allclose(from_contact(V, np.array([0.0, -0.01, 0.0]))[3:], 0.0, atol=1e-15)
+    X[:3, :3] = X[:3, :3] @ se3.so3_exp(before)
+    assert X[:3, 0] @ plane.n_W == pytest.approx(1.0)
+    assert_allclose(seen_misalignment(X[:3, :3], plane), 0.0, atol=1e-9)

@@ -1,17 +1,21 @@
 """The hinge over simulated seeds, and what is not known of it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from flap_episode import DEGREES, LIMITS, Episode, run
 from synthetic_flap import PERIOD, Laboratory
 
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array
 from crossmodal.maths.consistency import chi_square_bounds
 from crossmodal.systems.flap.hinge.hinge_estimator import (
     HingeEstimatorConfig,
     HingeState,
     update_hinge,
 )
-from crossmodal.systems.port_values import UNKNOWN_FINGERTIP
+from crossmodal.systems.port_values import UNKNOWN_FINGERTIP, HingeBelief
 
 SEEDS = range(10)
 
@@ -59,6 +63,36 @@ def test_nothing_is_believed_before_the_flap_has_turned() -> None:
         if theta < 0.1:
             assert not state.belief.known
             assert np.isnan(state.belief.k_W).all()
+
+
+def _moved_in_the_hand(rotation: Array, end: float) -> tuple[HingeBelief, Array]:
+    """What is believed after 10 s of a tool that turns in the hand (3,) [rad] from 2 s to `end`.
+
+    Returns the true axis (3,), too.
+    """
+    lab, state, config = Laboratory(0), HingeState(), HingeEstimatorConfig()
+    still, known = lab.tool, lab.displacements(registered=True)
+    for i in range(round(10.0 / PERIOD)):
+        t = i * PERIOD
+        R = se3.so3_exp(rotation * np.clip((t - 2.0) / (end - 2.0), 0.0, 1.0))
+        lab.tool = replace(still, k_W=R @ still.k_W)
+        contact, plane = lab.contact(lab.theta(t), 0.08), lab.plane(lab.theta(t))
+        state = update_hinge(state, contact, plane, known, config, LIMITS)
+    return state.belief, lab.tool.k_W
+
+
+def test_a_hinge_that_was_found_before_the_tool_moved_in_the_hand_is_found_afresh() -> None:
+    belief, k_W = _moved_in_the_hand(np.array([np.deg2rad(20.0), 0.0, 0.0]), 6.0)
+    assert belief.known
+    error = float(np.arcsin(np.linalg.norm(np.cross(k_W, belief.k_W))))
+    assert error < np.deg2rad(5.0)
+    assert error < 4.0 * np.sqrt(np.linalg.eigvalsh(belief.covariance[:3, :3])[-1])
+
+
+@pytest.mark.parametrize("rotation", [np.array([0.0, 0.0, 0.14]), np.array([0.15, 0.0, 0.15])])
+def test_no_hinge_is_believed_that_does_not_explain_what_was_seen(rotation: Array) -> None:
+    belief, _ = _moved_in_the_hand(rotation, 5.0)
+    assert not belief.known
 
 
 def test_without_a_contact_the_hinge_stays_as_it_is() -> None:

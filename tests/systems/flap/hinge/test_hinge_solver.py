@@ -7,12 +7,14 @@ import pytest
 from numpy.testing import assert_allclose
 from synthetic_flap import Tool
 
+from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.vectors import normal_basis
 from crossmodal.systems.flap.hinge.hinge_keyframes import StackedKeyframes
 from crossmodal.systems.flap.hinge.hinge_solver import (
     SIZE,
     HingeModel,
+    Solution,
     corrected,
     first_model,
     front_normal,
@@ -108,7 +110,7 @@ def test_the_contact_alone_tells_the_fronts_normal() -> None:
         assert_allclose(n, TOOL.frame(theta)[:, 1], atol=1e-12)
 
 
-def _solved(stacked: StackedKeyframes) -> tuple[HingeModel, Array]:
+def _solved(stacked: StackedKeyframes) -> Solution:
     none = np.zeros(12), 1e-10 * np.eye(12)
     priors = make_priors(Q, 0.2, 0.05, (1e-3, 1e-3), none)
     return solve(first_model(stacked, 0.2, none[0]), stacked, priors, 40)
@@ -116,7 +118,7 @@ def _solved(stacked: StackedKeyframes) -> tuple[HingeModel, Array]:
 
 @pytest.mark.parametrize("turn", [0.35, 0.7, 2.1])
 def test_exact_planes_and_contacts_give_the_exact_hinge(turn: float) -> None:
-    model, covariance = _solved(frames(np.linspace(0.0, turn, 12)))
+    model, covariance, *_ = _solved(frames(np.linspace(0.0, turn, 12)))
     assert model.k_W @ TOOL.k_W > 1.0 - 1e-5
     apart = model.p_W - TOOL.p_WK
     apart -= TOOL.k_W * (TOOL.k_W @ apart)
@@ -131,7 +133,7 @@ def test_a_hinge_behind_the_surface_is_found_where_intersections_are_not() -> No
     p = np.linalg.lstsq(stacked.n_W, stacked.d, rcond=None)[0]
     intersection = p - TOOL.p_WK
     intersection -= TOOL.k_W * (TOOL.k_W @ intersection)
-    model, _ = _solved(stacked)
+    model = _solved(stacked).model
     apart = model.p_W - TOOL.p_WK
     apart -= TOOL.k_W * (TOOL.k_W @ apart)
     assert np.linalg.norm(intersection) > 0.02
@@ -153,7 +155,7 @@ def test_a_constant_displacement_of_touch_is_told_from_the_hinges_place() -> Non
     spread = np.diag(np.repeat([1e-5, 1e-5, 1e-6, 0.01], 3) ** 2)
     priors = make_priors(Q, 0.2, 0.05, (1e-4, 1e-4), (np.zeros(12), spread))
     first = first_model(stacked, 0.2, np.zeros(12))
-    model, covariance = solve(first, stacked, priors, 40)
+    model, covariance, *_ = solve(first, stacked, priors, 40)
     found = displacement_at(Q, Q) @ model.touch
     across = normal_basis(TOOL.k_W)
     assert_allclose(across @ found, across @ offset, atol=5e-4)
@@ -166,5 +168,16 @@ def test_an_outlying_plane_counts_for_little() -> None:
     n = stacked.n_W.copy()
     n[5] = stacked.n_W[5] + [0.0, 0.4, 0.0]
     n[5] /= np.linalg.norm(n[5])
-    model, _ = _solved(replace(stacked, n_W=n))
+    model = _solved(replace(stacked, n_W=n)).model
     assert model.k_W @ TOOL.k_W > np.cos(0.01)
+
+
+def test_keyframes_of_two_hinges_make_the_covariance_larger() -> None:
+    stacked = frames(np.linspace(0.0, 0.7, 12))
+    one = _solved(stacked)
+    assert one.misfit < 1.0
+    tilt = se3.so3_exp(np.array([0.0, 0.0, np.deg2rad(5.0)]))
+    two = np.where(np.arange(12)[:, None] < 6, stacked.n_W, stacked.n_W @ tilt.T)
+    both = _solved(replace(stacked, n_W=two))
+    assert both.misfit > 2.0
+    assert both.covariance[0, 0] > 2.0 * one.covariance[0, 0]

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from synthetic_flap import PERIOD, Laboratory
 
 from crossmodal.maths.consistency import chi_square_bounds
-from crossmodal.systems.flap.joint.flap_joint import update_joint
+from crossmodal.systems.flap.joint.flap_joint import see_at_rest, update_joint
 from crossmodal.systems.flap.joint.flap_joint_model import (
     FlapJointConfig,
     FlapJointModel,
@@ -86,6 +86,33 @@ def test_a_first_touch_that_is_sensed_beside_the_contact_does_not_turn_the_flap(
             state = update_joint(state, lab.plane(theta), contact, known, i * PERIOD, model)
         ends.append(read_joint_angle(state, model).theta)
     assert abs(ends[1] - ends[0]) < np.deg2rad(0.2)
+
+
+def test_the_angle_counts_from_where_the_flap_was_seen_before_it_was_touched() -> None:
+    """A loose flap yields by 3 deg before its touch is sensed."""
+    squares = []
+    for seed in range(6):
+        lab, state = Laboratory(seed), FlapJointState()
+        model, known = FlapJointModel(FlapJointConfig(), LIMITS, lab.camera), lab.displacements()
+        theta = 0.0
+        for i in range(round(10.0 / PERIOD)):
+            t = i * PERIOD
+            touching = t > 2.0
+            theta = lab.theta(t) + np.deg2rad(3.0) * touching
+            contact = lab.contact(theta, 0.08) if touching else UNKNOWN_FINGERTIP
+            state = update_joint(state, lab.plane(theta), contact, known, t, model)
+        angle = read_joint_angle(state, model)
+        assert abs(angle.theta - theta) < np.deg2rad(1.5)
+        squares.append((angle.theta - theta) ** 2 / angle.variance)
+    assert sum(squares) < chi_square_bounds(6, 0.999)[1]
+
+
+def test_what_was_seen_before_the_flap_moved_is_forgotten() -> None:
+    lab, state, config = Laboratory(0), FlapJointState(), FlapJointConfig()
+    for theta in np.repeat([0.0, np.deg2rad(10.0)], 20):
+        state = see_at_rest(state, lab.plane(float(theta)), config)
+    assert state.rest is not None
+    assert state.rest.ticks == 20
 
 
 def _jerked(seed: int, seen: bool) -> tuple[float, list[float], list[float]]:

@@ -4,8 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from synthetic_flap import Errors, Laboratory, ideal_depth, measured_depth
+from numpy.testing import assert_allclose
+from synthetic_flap import Errors, Laboratory, ideal_depth, measured_depth, pose
 
+from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.consistency import chi_square_bounds
 from crossmodal.systems.flap.tracking.flap_region import fit_local_planes, inverse_depth, normals
@@ -97,6 +99,61 @@ def test_a_flap_that_was_never_touched_is_what_lies_ahead_of_the_finger(hangs: f
     tracker.track = track_flap(tracker.track, depth, None, p_WE, finger, tracker.lab.camera, CONFIG)
     assert tracker.track.plane.seen, tracker.track.plane.why
     assert np.linalg.norm(tracker.error(hangs)[:3]) < 0.06
+
+
+def untouched(
+    tracker: Tracker, off: Array, hidden: Array | None = None, clearance: float = 0.03
+) -> FlapTrack:
+    """The track of a finger that waits before the edge, turned by `off` (3,) about it."""
+    X_WS = tracker.lab.contact(0.0, 0.0).X_WS.copy()
+    X_WS = X_WS @ pose(se3.so3_exp(off), np.zeros(3))
+    X_WS[:3, 3] -= (0.01 + clearance) * X_WS[:3, 1]
+    depth = measured_depth(ideal_depth(tracker.lab.tool, 0.0, tracker.lab.X_WC_true), tracker.rng)
+    p_WE = tracker.lab.tool.p_WK + np.array([0.0, 0.0, 0.1])
+    finger = replace(UNKNOWN_FINGERTIP, X_WS=X_WS)
+    return track_flap(tracker.track, depth, hidden, p_WE, finger, tracker.lab.camera, CONFIG)
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize("angle", np.deg2rad([-10.0, 0.0, 10.0]))
+def test_the_free_edge_is_seen_however_the_finger_is_turned(axis: int, angle: float) -> None:
+    tracker = Tracker(3)
+    plane = untouched(tracker, angle * np.eye(3)[axis]).plane
+    tool = tracker.lab.tool
+    assert plane.edge_W @ tool.k_W > np.cos(np.deg2rad(2.0))
+    p_FG = tool.frame(0.0).T @ (plane.p_WG - tool.p_WK)
+    assert_allclose(p_FG[:2], [tool.length, tool.front], atol=0.004)
+    assert abs(p_FG[2]) < 0.02
+
+
+@pytest.mark.parametrize("clearance", [0.02, 0.03, 0.05])
+def test_the_flap_is_what_lies_beyond_its_edge_however_far_the_finger_is(clearance: float) -> None:
+    """What is farther from the edge than a short flap is long may be the bracket's."""
+    tracker = Tracker(3)
+    plane, tool = untouched(tracker, np.zeros(3), clearance=clearance).plane, tracker.lab.tool
+    p_FF = tool.frame(0.0).T @ (plane.p_WF - tool.p_WK)
+    assert p_FF[0] == pytest.approx(tool.length - 0.5 * CONFIG.region.flap_length, abs=0.004)
+
+
+def test_where_the_robot_ends_the_flap_there_is_no_edge() -> None:
+    """The finger's mask rises into the flap from the side: what it cuts off is no edge."""
+    tracker = Tracker(3)
+    tool, camera = tracker.lab.tool, tracker.lab.camera
+    corners = [tool.p_WK + tool.frame(0.0) @ [t, 0.006, z] for t, z in ((0.08, 0.1), (0.08, -0.1))]
+    u, v = camera.intrinsics.project(
+        (np.array(corners) - camera.X_WC[:3, 3]) @ camera.X_WC[:3, :3]
+    ).T
+    hidden = np.zeros((480, 640), np.uint8)
+    rows, columns = np.indices(hidden.shape)
+    left, right, edge = u.min(), u.max(), v.mean()
+    slope = (columns - left) / (right - left)
+    hidden[(rows > edge + 10.0 - 60.0 * (slope - 0.4)) & (slope > 0.4)] = 255
+    half = untouched(tracker, np.zeros(3), hidden).plane
+    assert half.edge_W @ tool.k_W > np.cos(np.deg2rad(2.0))
+    all_along = np.where(rows > edge - 5.0, np.uint8(255), np.uint8(0))
+    plane = untouched(tracker, np.zeros(3), all_along).plane
+    assert plane.seen
+    assert np.isnan(plane.edge_W).all()
 
 
 def test_one_surface_that_nobody_touches_is_not_the_flap() -> None:

@@ -22,6 +22,13 @@ from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 from crossmodal.plants.object_import import MODEL_FILE
 from crossmodal.plants.scene import has_model
 
+# What a hand does with a handle that nobody has tried before: it pulls with 16 N at most, which is
+# about what it holds, and tries again in other ways.
+_ANOTHER_TRY = {
+    "control.sequence.other_grasps": True,
+    "control.sequence.stuck_time": 5.0,
+    "control.exploration.lead": 0.04,
+}
 MODEL_FOLDER = "model"  # Of a run, for the copies of imported models.
 
 
@@ -121,6 +128,13 @@ def _stand(
         warnings.warn(f"it stands {place}: {place.reason}", PlaceWarning, stacklevel=4)
     moved = place.X_WH.translation() - p_WH
     others = [f"plant.scene={place.scene}"] if place.scene != base.plant.scene else []
+    for key, value in _ANOTHER_TRY.items():
+        if key not in given and not base.task.return_to_start:
+            others.append(f"{key}={value}")
+    sequence = base.control.sequence
+    one_try = sequence.release_time + sequence.approach_time + sequence.close_time
+    if "duration" not in given:
+        others.append(f"duration={base.duration + sequence.retries * one_try}")
     if "control.posture" not in given:
         others.append(f"control.posture={place.posture.tolist()}")
     if np.any(moved):

@@ -121,6 +121,16 @@ def test_an_object_does_not_stand_in_the_robot(tmp_path: Path) -> None:
         loaded(model=tmp_path / "door.urdf", grasp_frame="knob")
 
 
+def test_a_hand_tries_other_grasps_and_has_the_time_for_them() -> None:
+    scenario, base = loaded("control.exploration.lead=0.1"), drawer()
+    sequence = scenario.control.sequence
+    assert sequence.other_grasps
+    assert not base.control.sequence.other_grasps
+    assert scenario.control.exploration.lead == 0.1  # As the user says.
+    again = sequence.release_time + sequence.approach_time + sequence.close_time
+    assert scenario.duration == base.duration + sequence.retries * again
+
+
 def test_a_free_object_stands_on_the_table(tmp_path: Path) -> None:
     for height in (0.1, 0.5):
         (tmp_path / "door.urdf").write_text(DOOR.replace("0.02 0.4 0.4", f"0.02 0.4 {height}"))

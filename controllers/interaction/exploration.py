@@ -22,6 +22,8 @@ class ExplorationConfig:
     gain: float = number(0.1, above=0.0, at_most=10.0, unit="s")
     # Desired speed in the pulling direction.
     speed: float = number(0.02, above=0.0, at_most=10.0, unit="m/s")
+    # Most by which the goal is ahead of the hand; times the stiffness it is the most pulling force.
+    lead: float = number(np.inf, above=0.0, at_most=10.0, unit="m", infinite=True)
 
 
 def explore_step(X_WE_desired: Array, V_WE_E: Array, V_WE_E_wanted: Array, gain: float) -> Array:
@@ -87,5 +89,6 @@ class ExplorationController(Sequence):
         along_pull[3:, 3:] = np.outer(direction, direction)
         error = along_pull @ se3.log(se3.inverse(arm.X_WE) @ last.X_WE)
         measured = along_pull @ arm.V_WE_E
+        error *= min(1.0, self._config.lead / max(float(np.linalg.norm(error[3:])), 1e-9))
         X_WE = explore_step(arm.X_WE @ se3.exp(error), measured, wanted, self._config.gain)
         return DesiredMotion(X_WE=X_WE, V_WE_E=wanted, A_WE_E=np.zeros(6))

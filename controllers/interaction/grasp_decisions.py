@@ -19,13 +19,14 @@ class SequenceState(Immutable):
         phase: What is done.
         since: Beginning of the phase, [s].
         X_WE_start: The end-effector's pose at that time (4, 4).
-        X_WE_grasp: Pose at which the hand closes or has closed (4, 4).
+        X_WE_grasp: Pose at which the hand closes or has closed (4, 4), if not in another way.
         q_grasp: The joint's perceived configuration at that pose, [m or rad].
         X_WE_held: The end-effector's pose when the hand had closed (4, 4).
         pressure_held: The chambers' pressure at that time (chambers,), [Pa].
         task: Phase that follows CLOSE: EXPLORE, or RETURN once exploration is over.
         attempts: Number of grasps that were tried again.
         lost: Whether the grasp is believed lost.
+        stuck: Whether nothing moved although the hand held on.
         doubted_since: Time since which the grasp is in doubt, infinite while it is not, [s].
     """
 
@@ -39,6 +40,7 @@ class SequenceState(Immutable):
     task: Phase
     attempts: int
     lost: bool
+    stuck: bool
     doubted_since: float
 
 
@@ -86,6 +88,14 @@ def moved_by_joint(X_WE: Array, joint: Array, q: float) -> Array:
     if np.isnan(joint[6]):
         return X_WE
     return np.asarray(se3.exp(joint[:6] * (joint[6] - q)) @ X_WE)
+
+
+def tried_pose(state: SequenceState, config: GraspSequenceConfig) -> Array:
+    """Pose of E (4, 4) at which the hand closes at this try; see `other_grasps`."""
+    if not config.other_grasps or state.attempts == 0:
+        return state.X_WE_grasp
+    turn = 0.5 * np.pi if state.attempts > 1 else 0.0
+    return np.asarray(state.X_WE_grasp @ se3.exp(np.array([0, 0, turn, 0, 0, config.closer])))
 
 
 def is_doubtful(state: SequenceState, now: Perceived, config: GraspSequenceConfig) -> bool:
@@ -141,6 +151,8 @@ def next_state(
         return _lose_grasp(state, now, goal, config)
     known = not np.isnan(now.joint[6])
     displacement = float(np.linalg.norm(now.X_WE[:3, 3] - state.X_WE_start[:3, 3]))
+    if elapsed >= config.stuck_time and displacement < config.give:
+        return replace(_enter(state, Phase.STOP, now), stuck=True)
     over = (over or displacement >= config.travel) and np.isinf(state.doubted_since)
     if goal.configuration is not None and known:
         q = now.joint[6] + config.anticipation * np.nan_to_num(now.joint[7])
@@ -169,11 +181,13 @@ def _lose_grasp(
 ) -> SequenceState:
     """Goes back to the handle where the hand is near and has not tried too often, else stops.
 
-    Without a perceived goal nobody knows where the handle has gone, so it stops.
+    Without a perceived goal nobody knows where the handle has gone, so it stops, unless other
+    grasps are to be tried: then it goes back to where the handle was, and pushes it there.
     """
     X_WE_grasp = moved_by_joint(state.X_WE_grasp, now.joint, state.q_grasp)
     near = np.linalg.norm(X_WE_grasp[:3, 3] - now.X_WE[:3, 3]) <= config.retry_distance
-    if goal.configuration is None or not near or state.attempts >= config.retries:
+    is_known = near and goal.configuration is not None
+    if not (is_known or config.other_grasps) or state.attempts >= config.retries:
         return replace(_enter(state, Phase.STOP, now), lost=True)
     return replace(
         _enter(state, Phase.RELEASE, now),

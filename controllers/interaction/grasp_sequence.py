@@ -14,6 +14,7 @@ from crossmodal.controllers.interaction.grasp_decisions import (
     Perceived,
     SequenceState,
     next_state,
+    tried_pose,
 )
 from crossmodal.controllers.interaction.grasp_sequence_config import GraspSequenceConfig
 from crossmodal.controllers.interaction.phases import Phase, is_held
@@ -89,6 +90,7 @@ class GraspSequence(Sequence):
     - `interaction_active`: (1,) one while the hand is closed around the body, as far as it can
       feel.
     - `grasp_lost`: (1,) one from the instant a grasp is given up to the next one.
+    - `stuck`: (1,) one once nothing has moved although the hand held on.
     - `in_free_space`: (1,) one while nothing can touch the hand.
     - `motion_desired`: `DesiredMotion` of release and approach, then the grasp pose held.
     - `gains_desired`: `ImpedanceGains`.
@@ -141,6 +143,7 @@ class GraspSequence(Sequence):
             task=Phase.EXPLORE,
             attempts=0,
             lost=False,
+            stuck=False,
             doubted_since=np.inf,
         )
         self._declare_state(first, config.period)
@@ -152,6 +155,7 @@ class GraspSequence(Sequence):
         output("interaction_active", lambda state: is_held(state.phase) and not state.lost)
         output("sealed", lambda state: is_held(state.phase))
         output("grasp_lost", lambda state: state.lost)
+        output("stuck", lambda state: state.stuck)
         output("in_free_space", lambda state: state.phase == Phase.APPROACH)
         self._declare_vector("pressure_commanded", chambers, self._calc_pressure)
         self._declare_vector("closure_commanded", 1, self._calc_closure)
@@ -174,13 +178,13 @@ class GraspSequence(Sequence):
 
     def _calc_motion(self, context: Context) -> DesiredMotion:
         config, state = self._config, self._state(context)
-        time = config.approach_time
+        time, X_WE_grasp = config.approach_time, tried_pose(state, config)
         if state.phase == Phase.RELEASE:
-            X_WE_next = approach_motion(state.X_WE_grasp, self._back, 0.0, time).X_WE
+            X_WE_next = approach_motion(X_WE_grasp, self._back, 0.0, time).X_WE
             progress = self._elapsed(context) / config.release_time
             return release_motion(state.X_WE_start, X_WE_next, self._back, progress)
         s = self._elapsed(context) / time if state.phase == Phase.APPROACH else 1.0
-        return approach_motion(state.X_WE_grasp, self._back, s, time)
+        return approach_motion(X_WE_grasp, self._back, s, time)
 
     def _calc_gains(self, context: Context) -> ImpedanceGains:
         if self._config.comply and is_held(self._state(context).phase):

@@ -59,4 +59,13 @@ class GraspSequenceConfig:
     retry_distance: float = number(0.12, at_least=0.0, at_most=10.0, unit="m")
     # Time to open, back off and go before the handle again.
     release_time: float = number(4.0, at_least=1e-3, at_most=3600.0, unit="s")
+    # Whether a lost grasp is tried again in other ways, without a perceived joint where it was:
+    # first closer, then also turned by 90 deg about the approach.
+    other_grasps: bool = False
+    # How much closer.
+    closer: float = number(0.015, at_least=0.0, at_most=1.0, unit="m")
+    # Time after which a hand that holds on and has gone less than `give` stops: nothing moves.
+    stuck_time: float = number(float("inf"), above=0.0, at_most=3600.0, unit="s", infinite=True)
+    # Displacement by which the hand itself gives.
+    give: float = number(0.03, at_least=0.0, at_most=1.0, unit="m")
     comply: bool = True  # Whether the gains become compliant once the hand has closed.

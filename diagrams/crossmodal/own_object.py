@@ -8,7 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from crossmodal.diagrams.crossmodal.objects.object_import import (
+    ABOVE_FLOOR,
+    FLOOR_SCENE,
     ObjectWarning,
+    PlaceWarning,
     copied_files,
     imported,
 )
@@ -19,7 +22,13 @@ from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 from crossmodal.plants.object_import import MODEL_FILE
 from crossmodal.plants.scene import has_model
 
-_ABOVE_FLOOR = 0.002  # So that nothing begins inside of it, [m].
+# What a hand does with a handle that nobody has tried before: it pulls with 16 N at most, which is
+# about what it holds, and tries again in other ways.
+_ANOTHER_TRY = {
+    "control.sequence.other_grasps": True,
+    "control.sequence.stuck_time": 5.0,
+    "control.exploration.lead": 0.04,
+}
 MODEL_FOLDER = "model"  # Of a run, for the copies of imported models.
 
 
@@ -37,6 +46,7 @@ def own_object_assignments(
         assignments: The user's.
     """
     base, thing = scenario, scenario.object
+    given = {assignment.partition("=")[0].strip() for assignment in assignments}
     name = scenario.task.object or next(iter(scenario.objects))
     at_base = read_object_model(
         object_model_file(thing), joint=thing.joint, frame=thing.handle_frame, source=source
@@ -63,6 +73,7 @@ def own_object_assignments(
         "friction": float(pulling * facts.lever if facts.lever else pulling),
         "variation.textures": [],
     }
+    others = list[str]()
     if own.pose:
         pose = _numbers("--object-pose", own.pose, 6)
         angles = np.rad2deg(pose[3:]).tolist()
@@ -70,28 +81,69 @@ def own_object_assignments(
         values |= {"place_handle": False, "position": pose[:3]}
         values |= {"variation.position": [0.0, 0.0, 0.0], "variation.yaw": 0.0}
     else:
-        X_WH = thing.pose() @ at_base.X_OH
-        x_axis = X_WH.rotation().col(0)
-        # It stands no lower than the scenario's own object, or it would be inside the table; one
-        # that is free stands there, or it would fall. Without a table it stands on the floor.
-        sway = thing.variation.position
-        p_WH = X_WH.translation()
-        ground = _ABOVE_FLOOR
-        if has_model(scenario.plant.scene, "table"):
-            ground = float(p_WH[2] + at_base.bottom - at_base.X_OH.translation()[2])
-        lift = ground - float(p_WH[2] + facts.bottom - facts.X_OH.translation()[2])
-        if thing.free:
-            values["variation.position"] = [*sway[:2].tolist(), 0.0]
-        else:
-            lift = max(0.0, lift + float(sway[2]))
-        values |= {
-            "place_handle": True,
-            "position": [*p_WH[:2].tolist(), float(p_WH[2]) + lift],
-            "yaw": float(np.rad2deg(np.arctan2(x_axis[1], x_axis[0]))),
-        }
+        more, others = _stand(base, at_base, facts, made.model, given)
+        values |= more
     lines = [f"objects.{name}.{key}={value}" for key, value in values.items()]
-    given = {assignment.partition("=")[0].strip() for assignment in assignments}
-    return lines + _task_assignments(base, at_base, facts, made.joint, given)
+    return lines + others + _task_assignments(base, at_base, facts, made.joint, given)
+
+
+def _stand(
+    base: Scenario,
+    at_base: ObjectModel,
+    facts: ObjectModel,
+    model: Path,
+    given: Collection[str],
+) -> tuple[dict[str, object], list[str]]:
+    """Where an own object stands, as keys of the object, and what else of the scenario changes.
+
+    It is on the table or floor of a scene that the user has given. One that is free stands at the
+    place of the scenario's own, on the same ground, or it would fall.
+    """
+    thing = base.object
+    X_WH = thing.pose() @ at_base.X_OH
+    p_WH, x_axis = X_WH.translation(), X_WH.rotation().col(0)
+    ground = ABOVE_FLOOR
+    if has_model(base.plant.scene, "table"):
+        ground = float(p_WH[2] + at_base.bottom - at_base.X_OH.translation()[2])
+    yaw = float(np.rad2deg(np.arctan2(x_axis[1], x_axis[0])))
+    values: dict[str, object] = {"place_handle": True, "yaw": yaw}
+    if thing.free:
+        height = float(facts.X_OH.translation()[2] - facts.bottom)
+        sway = [*thing.variation.position[:2].tolist(), 0.0]
+        position = [*p_WH[:2].tolist(), ground + height]
+        return values | {"variation.position": sway, "position": position}, []
+    grounds = {base.plant.scene: ground}
+    if "plant.scene" not in given:
+        grounds[FLOOR_SCENE] = ABOVE_FLOOR
+    from crossmodal.diagrams.crossmodal.objects.placement import find_place  # Slow: trimesh.
+
+    try:
+        place = find_place(
+            facts, model, X_WH, grounds, base.control, _wanted(base, at_base, facts, given),
+            sway=float(thing.variation.position[2]),
+        )  # fmt: skip
+    except ValueError as error:
+        raise ScenarioError(f"--object: {error}; --object-pose puts it elsewhere") from None
+    if place.reason:
+        warnings.warn(f"it stands {place}: {place.reason}", PlaceWarning, stacklevel=4)
+    moved = place.X_WH.translation() - p_WH
+    others = [f"plant.scene={place.scene}"] if place.scene != base.plant.scene else []
+    for key, value in _ANOTHER_TRY.items():
+        if key not in given and not base.task.return_to_start:
+            others.append(f"{key}={value}")
+    sequence = base.control.sequence
+    one_try = sequence.release_time + sequence.approach_time + sequence.close_time
+    if "duration" not in given:
+        others.append(f"duration={base.duration + sequence.retries * one_try}")
+    if "control.posture" not in given:
+        others.append(f"control.posture={place.posture.tolist()}")
+    if np.any(moved):
+        others += [
+            f"cameras.{camera}.looking_at={(config.looking_at + moved).tolist()}"
+            for camera, config in base.cameras.items()
+            if not any(key.startswith("cameras.") for key in given)
+        ]
+    return values | {"position": place.X_WH.translation().tolist()}, others
 
 
 def _to_joint(at_base: ObjectModel, facts: ObjectModel) -> float:
@@ -109,6 +161,22 @@ def _initial_position(initial_position: float, at_base: ObjectModel, facts: Obje
     )
 
 
+def _wanted(
+    base: Scenario, at_base: ObjectModel, facts: ObjectModel, given: Collection[str]
+) -> float:
+    """How far the task asks the joint to go, as far as its limits allow, [m or rad]."""
+    key = "opening" if base.task.goal is None else "goal"
+    wanted = getattr(base.task, key) * (
+        1.0 if f"task.{key}" in given else _to_joint(at_base, facts)
+    )
+    return float(min(wanted, _most(facts)))
+
+
+def _most(facts: ObjectModel) -> float:
+    """The most that a task asks of a joint, short of its limit, [m or rad]."""
+    return 0.9 * max(abs(facts.lower), abs(facts.upper))
+
+
 def _task_assignments(
     base: Scenario, at_base: ObjectModel, facts: ObjectModel, joint: str, given: Collection[str]
 ) -> list[str]:
@@ -119,7 +187,7 @@ def _task_assignments(
     """
     differs, to_joint = at_base.unit != facts.unit, _to_joint(at_base, facts)
     old_unit, unit = at_base.unit, facts.unit
-    most = 0.9 * max(abs(facts.lower), abs(facts.upper))
+    most = _most(facts)
     lines, notes = [], []
     for key in ("opening",) if base.task.goal is None else ("goal", "tolerance"):
         wanted = getattr(base.task, key)

@@ -16,6 +16,7 @@ from crossmodal.systems.port_values import JointType
 
 _DEGREES = 180.0 / np.pi
 GRASP_LOST = "grasp lost"
+STUCK = "nothing moved although the hand held on: locked or too heavy"
 _STATUS = {
     ControlPhase.RELEASE: TaskStatus(phase="releasing", note="grasp lost, trying again"),
     ControlPhase.APPROACH: TaskStatus(),
@@ -25,6 +26,7 @@ _STATUS = {
     ControlPhase.STOP: TaskStatus(phase="stopped", done=True),
 }
 _STOPPED_WITHOUT = TaskStatus(phase="stopped", done=True, note=GRASP_LOST)
+_STUCK = TaskStatus(phase="stopped", done=True, note=STUCK)
 
 
 @dataclass(kw_only=True)
@@ -35,13 +37,16 @@ class Phase:
     reached: float
 
 
-def task_status(phase: Array, grasp_lost: Array) -> TaskStatus:
+def task_status(phase: Array, grasp_lost: Array, stuck: Array) -> TaskStatus:
     """What a phase of the control means to the task.
 
     Args:
         phase: (1,) `crossmodal.controllers.interaction.phases.Phase`.
         grasp_lost: (1,) one once a grasp is given up.
+        stuck: (1,) one once nothing has moved although the hand held on.
     """
+    if stuck[0] > 0.5:
+        return _STUCK
     control = ControlPhase(int(phase[0]))
     stopped = control == ControlPhase.STOP and grasp_lost[0] > 0.5
     return _STOPPED_WITHOUT if stopped else _STATUS[control]
@@ -114,6 +119,8 @@ def _travel_failure(task: Task, truth: Truth, events: Sequence[Event]) -> str | 
     reached = phases["exploration"].reached
     lost = [event.time for event in events if event.name == GRASP_LOST]
     after = f"; the grasp was believed lost at {lost[0]:.1f} s" if lost else ""
+    if any(event.name == STUCK for event in events):
+        after += f"; {STUCK}"
     over = "" if lost or begun(events, ControlPhase.STOP) else " when the time was over"
 
     def written(value: float, digits: str = ".1f") -> str:

@@ -22,32 +22,48 @@ CLOSED_POSTURE = dict(zip(FINGER_JOINTS, [0.6, 1.0, 1.1] * 4 + [0.8, 0.7, 0.9], 
 
 @dataclass(frozen=True, kw_only=True)
 class GraspRange:
-    """The bars that a hand holds, seen from its grasp frame.
+    """The bars, knobs and edges that a hand holds, seen from its grasp frame.
 
     Attributes:
         least_thickness: [m].
+        least_knob: Least thickness of what is shorter than the hand is wide, [m].
         most_thickness: Of what passes between its open fingers, [m].
-        most_depth: Along the approach, [m].
-        clearance: Least free space behind the bar, for the fingers, [m].
+        most_depth: Along the approach, of what the fingers close behind, [m].
+        clearance: Least free space behind it, for the fingers, [m].
+        behind: Least distance from the frame to what is behind it, [m].
+        tips: From the frame to the tips of the closing fingers, [m].
+        edge: Most of a board's edge that is between the fingers, from the frame on, [m].
+        beside: Least distance from a board's middle to what is beside it, for open fingers, [m].
         tilt: Largest angle from the frame's y to the bar, [rad].
         reach: Largest distance from the frame to the bar, [m].
     """
 
     least_thickness: float
+    least_knob: float
     most_thickness: float
     most_depth: float
     clearance: float
+    behind: float
+    tips: float
+    edge: float
+    beside: float
     tilt: float
     reach: float
 
 
-# Measured on the simulated hand, closed as in a run around a bar that is then drawn out of it: in
-# this range it holds 15 N and more. The guidance takes 2 cm of the gap between fingers and thumb.
+# Measured on the simulated hand, closed as in a run around something that is then drawn out of it:
+# in this range it holds 15 N and more, of a board 8 N across it. The guidance takes 2 cm of the gap
+# between fingers and thumb.
 SOFT_HAND_RANGE = GraspRange(
     least_thickness=0.004,
-    most_thickness=0.05,
-    most_depth=0.05,
-    clearance=0.025,
+    least_knob=0.018,
+    most_thickness=0.055,
+    most_depth=0.055,
+    clearance=0.01,
+    behind=0.025,
+    tips=0.042,
+    edge=0.03,
+    beside=0.055,
     tilt=0.44,
     reach=0.03,
 )

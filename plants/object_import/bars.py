@@ -23,6 +23,10 @@ class Bar:
         tilt: From the frame's y to its direction, [rad].
         distance: From the frame's origin to it, 0 inside of it, [m].
         middle: Of its section (3,), in the frame, [m].
+        behind: From the frame's origin to what is behind the bar, [m]; infinite where nothing is.
+        ahead: How far it reaches from the frame's origin along its x, [m].
+        beside: Distance from the frame's origin along its z to the nearest of what else is where
+            fingers close around an edge, [m]; infinite where nothing is.
     """
 
     thickness: Array
@@ -30,6 +34,9 @@ class Bar:
     tilt: float
     distance: float
     middle: Array
+    behind: float
+    ahead: float
+    beside: float
 
 
 def bar_at(solid: trimesh.Trimesh, reach: float) -> Bar | None:
@@ -43,7 +50,7 @@ def bar_at(solid: trimesh.Trimesh, reach: float) -> Bar | None:
     if len(here) == 0 or distance > reach:
         return None
     middle = 0.5 * (here.min(axis=0) + here.max(axis=0))
-    along, behind = [np.array([middle[0], 0.0, middle[2]])], [others]
+    along, rest = [np.array([middle[0], 0.0, middle[2]])], [others]
     for y in (-_FINGERS, _FINGERS):
         there, beside, _ = _section(solid, y, middle)
         # The bar goes on where a section of about its size is near.
@@ -51,22 +58,37 @@ def bar_at(solid: trimesh.Trimesh, reach: float) -> Bar | None:
             center = 0.5 * (there.min(axis=0) + there.max(axis=0))
             if np.hypot(*(center - middle)[[0, 2]]) < 1.5 * _FINGERS:
                 along.append(center)
-                behind.append(beside)
-    points = np.concatenate(behind)
+                rest.append(beside)
+    points = np.concatenate(rest)
+    around = np.abs(points[points[:, 0] > -_FINGERS, 2])
     face = float(here[:, 0].min())
     points = points[(np.abs(points[:, 2] - middle[2]) < _BEHIND) & (points[:, 0] < face)]
-    clearance = face - float(points[:, 0].max()) if len(points) else np.inf
+    behind = -float(points[:, 0].max()) if len(points) else np.inf
     way = along[-1] - along[1] if len(along) > 2 else along[-1] - along[0]
     tilt = float(np.arctan2(np.hypot(way[0], way[2]), abs(way[1]))) if np.any(way) else 0.0
     thickness = np.ptp(here, axis=0)[[0, 2]] * np.cos(tilt)
     return Bar(
-        thickness=thickness, clearance=clearance, tilt=tilt, distance=distance, middle=along[0]
+        thickness=thickness,
+        clearance=face + behind,
+        tilt=tilt,
+        distance=distance,
+        middle=along[0],
+        behind=behind,
+        ahead=float(here[:, 0].max()),
+        beside=float(around.min(initial=np.inf)),
     )
 
 
 def faults_of_bar(bar: Bar, can: GraspRange) -> list[str]:
-    """What about a bar is outside of what a hand can hold, in a few words each."""
+    """What of a bar or a board's edge is outside of what a hand can hold, in a few words each."""
     depth, height = bar.thickness
+    if depth > can.most_depth and height <= can.most_thickness and bar.ahead <= can.edge:
+        if bar.beside >= can.beside:
+            return []
+        return [
+            f"{1e3 * bar.beside:.0f} mm are free beside the edge's middle, the fingers need"
+            f" {1e3 * can.beside:.0f} mm"
+        ]
     closes = (
         f"it closes around {1e3 * can.least_thickness:.0f} to {1e3 * can.most_thickness:.0f} mm"
     )
@@ -87,6 +109,11 @@ def faults_of_bar(bar: Bar, can: GraspRange) -> list[str]:
         faults.append(
             f"{1e3 * bar.clearance:.0f} mm are free behind it, the fingers need"
             f" {1e3 * can.clearance:.0f} mm"
+        )
+    elif bar.behind < can.behind:
+        faults.append(
+            f"{1e3 * bar.behind:.0f} mm are between the frame and what is behind it, the fingers"
+            f" need {1e3 * can.behind:.0f} mm; put the frame farther out, along its x"
         )
     return faults
 

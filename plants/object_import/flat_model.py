@@ -372,7 +372,8 @@ class FlatModelWriter:
         self._add_shape(element, self._inspector.GetShape(geometry))
         properties = SubElement(element, f"{_DRAKE}proximity_properties")
         given = self._inspector.GetProximityProperties(geometry)
-        if is_gripped:
+        if is_gripped or isinstance(self._inspector.GetShape(geometry), Mesh):
+            # Others touch the hull of a mesh, which also fills what is in front of a handle.
             SubElement(properties, f"{_DRAKE}rigid_hydroelastic")
             SubElement(properties, f"{_DRAKE}mesh_resolution_hint").text = "0.012"
         usual = 1.0 if is_gripped else 0.5

@@ -1,6 +1,8 @@
 """Parts of a model that look like handles, and from where a hand comes to them."""
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import permutations
 
 import numpy as np
 import trimesh
@@ -18,7 +20,28 @@ _AHEAD = 0.2  # How far before it, [m].
 _SAMPLES = 4000  # Of what may be in the way.
 _TURN = np.pi / 8  # Between directions that are tried, [rad].
 _ACROSS = np.sqrt(0.5)  # Least part of a bar's way that is across it.
-_Way = Callable[[Array], tuple[Array, bool]]  # See `bars_of`.
+_ASIDE = 0.5  # Most of an edge's way that is into its board, of its direction that is down.
+_INSIDE = 0.02  # Of a board, between the fingers, from its edge on, [m].
+
+
+@dataclass(frozen=True, kw_only=True)
+class Going:
+    """How a place moves with its joint.
+
+    Attributes:
+        way: Unit vector (3,) in which it can go; 0 for nowhere.
+        rate: How fast it goes as the joint does, [m per m or rad].
+        axis: Unit vector (3,) about which it turns; 0 for one that does not.
+        both: Whether it can also go against `way`.
+    """
+
+    way: Array
+    rate: float
+    axis: Array
+    both: bool
+
+
+_Way = Callable[[Array], Going]
 
 
 def bars_of(
@@ -33,7 +56,7 @@ def bars_of(
         solid: Of bodies that are fixed to each other.
         whole: Of the model, in the same frame.
         axes: Columns (3, 3), along which the bars' y rather point than against them.
-        way: Of a place (3,), the unit vector (3,) in which it can go, and whether also against it.
+        way: How a place (3,) can go.
     """
     parts = _parts(solid)
     for k, part in enumerate(parts):
@@ -43,10 +66,13 @@ def bars_of(
         if not is_knob and not (SHORTEST <= length <= _LONGEST and length >= _SLENDER * width):
             continue
         others = [other for i, other in enumerate(parts) if i != k]
-        x = None
-        for fixed_to in (others, [whole]):
+        going, x = way(middle), None
+        # A lever reaches to its axis, and turns about the way out of what that is in.
+        is_lever = 0.0 < going.rate <= length and bool(np.any(going.axis))
+        for fixed_to in ([whole],) if is_lever else (others, [whole]):
             x = _out_of(_near(fixed_to, middle), middle, y) if x is None else x
-        x = _let_go(x, y, *way(middle))
+        if not (is_lever and x is not None and abs(x @ going.axis) > _ACROSS):
+            x = _let_go(x, y, going)
         if x is not None:
             x = _free(x, middle, y, 0.5 * width, _near([whole], middle))
         if x is not None:
@@ -57,6 +83,51 @@ def bars_of(
             bar = bar_at(part.copy().apply_transform(X_inverse), np.inf)
             if bar is not None:
                 yield (X @ RigidTransform(bar.middle)).GetAsMatrix4(), length
+
+
+def edges_of(
+    solid: trimesh.Trimesh,
+    whole: trimesh.Trimesh,
+    axes: Array,
+    way: _Way,
+    least: float,
+    most: float,
+) -> Iterator[tuple[Array, float]]:
+    """Pose (4, 4) and length [m] of the middle of each edge of a board that a hand gets to.
+
+    In the pose x is out of the board and y along its edge. Those that move fastest come first.
+
+    Args:
+        solid: Of bodies that are fixed to each other.
+        whole: Of the model, in the same frame.
+        axes: Columns (3, 3), along which the boards are.
+        way: As for `bars_of`.
+        least: Least thickness of a board, [m].
+        most: Its largest.
+    """
+    found = list[tuple[float, Array, float]]()
+    for part in _parts(solid):
+        inside = part.vertices @ axes
+        size, middle = (
+            np.ptp(inside, axis=0),
+            axes @ (0.5 * (inside.min(axis=0) + inside.max(axis=0))),
+        )
+        thin = int(np.argmin(size))
+        for out, along in permutations({0, 1, 2} - {thin}):
+            if not (least <= size[thin] <= most and size[along] >= SHORTEST):
+                continue
+            for x in (axes[:, out], -axes[:, out]):
+                y, place = axes[:, along], middle + (0.5 * size[out] - _INSIDE) * x
+                going = way(place)
+                is_held = abs(going.way @ y) < _ACROSS and going.way @ x > -_ASIDE
+                is_below = x[2] < -_ASIDE
+                if going.rate > 0.0 and is_held and not is_below:
+                    around = _near([whole], place)
+                    if _free(x, place, y, _INSIDE, around, turns=0) is not None:
+                        X = np.eye(4)
+                        X[:3] = np.column_stack([x, y, np.cross(x, y), place])
+                        found.append((going.rate, X, float(size[along])))
+    yield from (each[1:] for each in sorted(found, key=lambda each: -each[0]))
 
 
 def _parts(solid: trimesh.Trimesh) -> list[trimesh.Trimesh]:
@@ -118,14 +189,14 @@ def _out_of(solid: trimesh.Trimesh, middle: Array, y: Array) -> Array | None:
     return out / length if length > 1e-6 * angles.sum() and length > 0.0 else None
 
 
-def _let_go(out: Array | None, y: Array, way: Array, both: bool) -> Array | None:
+def _let_go(out: Array | None, y: Array, going: Going) -> Array | None:
     """The direction (3,) across a bar in which its joint lets it go; None for along the bar.
 
     It is `out` for a bar that goes nowhere, and has its sense for one that goes both ways.
     """
-    across = way - (way @ y) * y
+    across, both = going.way - (going.way @ y) * y, going.both
     length = float(np.linalg.norm(across))
-    if not np.any(way):
+    if not np.any(going.way):
         return out
     if length <= _ACROSS or (both and out is None):
         return None
@@ -135,14 +206,14 @@ def _let_go(out: Array | None, y: Array, way: Array, both: bool) -> Array | None
 
 
 def _free(
-    x: Array, middle: Array, y: Array, radius: float, around: trimesh.Trimesh
+    x: Array, middle: Array, y: Array, radius: float, around: trimesh.Trimesh, turns: int = 4
 ) -> Array | None:
     """The direction (3,) across a bar next to `x` from which a hand gets to it; None for none."""
     points = np.zeros((0, 3))
     if not around.is_empty:
         points = np.asarray(trimesh.sample.sample_surface(around, _SAMPLES, seed=0)[0]) - middle
     z = np.cross(x, y)
-    for turn in sorted(np.arange(-4, 5) * _TURN, key=abs):
+    for turn in sorted(np.arange(-turns, turns + 1) * _TURN, key=abs):
         ahead = np.cos(turn) * x + np.sin(turn) * z
         aside = np.cross(ahead, y)
         forward = points @ ahead

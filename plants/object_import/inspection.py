@@ -26,12 +26,13 @@ from crossmodal.plants.object_import.flat_model import (
     parent_joints,
     written_joints,
 )
-from crossmodal.plants.object_import.handles import SHORTEST, bars_of
+from crossmodal.plants.object_import.handles import SHORTEST, Going, bars_of, edges_of
 from crossmodal.plants.object_import.model_source import Repair, read_model
 from crossmodal.plants.object_import.object_import import finalize, parse
 from crossmodal.plants.object_import.solids import solid_of
 
 _MOST_FACES = 50_000  # Larger meshes are not searched for handles.
+_NEXT_TO = 0.01  # A joint's axis: what turns in place there, [m].
 _OF_JOINTS = ("_parent_F", "_child_M")  # Frames that the parser makes.
 
 
@@ -67,6 +68,7 @@ class Handle:
     Attributes:
         grasp_frame: A frame of the model, or `LINK@x,y,z,roll,pitch,yaw`.
         joint: The nearest that moves it.
+        joints: All that move it.
         bar: What is there.
         length: Of the bar, [m]; NaN where only a frame of the model says that it is one.
         faults: What about the bar is outside of what the hand can hold, in a few words each.
@@ -74,6 +76,7 @@ class Handle:
 
     grasp_frame: str
     joint: str
+    joints: list[str]
     bar: Bar
     length: float
     faults: list[str]
@@ -179,8 +182,8 @@ class _Inspector:
         """The nearest joint that moves a body."""
         return next((j for j in joints_above(body, self._parents) if moves(j)), None)
 
-    def _way(self, body: RigidBody, joint: Joint, p_W: Array) -> tuple[Array, bool]:
-        """Where a joint lets a place of a body go, a unit vector (3,) or 0; whether also back."""
+    def _way(self, body: RigidBody, joint: Joint, p_W: Array) -> Going:
+        """How a joint lets a place of a body go; nowhere next to the joint's axis."""
         moving = self._plant.CreateDefaultContext()
         rates = np.zeros(self._plant.num_velocities())
         rates[joint.velocity_start()] = 1.0
@@ -188,8 +191,14 @@ class _Inspector:
         V_WB = self._plant.EvalBodySpatialVelocityInWorld(moving, body)
         way = V_WB.Shift(p_W - self._pose(body).translation()).translational()
         lower, upper = joint.position_lower_limits()[0], joint.position_upper_limits()[0]
-        length = float(np.linalg.norm(way)) * (1.0 if upper >= -lower else -1.0)
-        return way / length if abs(length) > 1e-6 else np.zeros(3), bool(-lower == upper)
+        rate, turn = float(np.linalg.norm(way)), V_WB.rotational()
+        rate = rate if rate > _NEXT_TO else 0.0
+        return Going(
+            way=way / (rate if upper >= -lower else -rate) if rate else np.zeros(3),
+            rate=rate,
+            axis=turn / np.linalg.norm(turn) if np.any(turn) else turn,
+            both=bool(-lower == upper),
+        )
 
     def _handles(self, whole: trimesh.Trimesh) -> list[Handle]:
         """Frames of the model at which the hand can hold a bar, then such bars without one.
@@ -221,6 +230,8 @@ class _Inspector:
                 X_WH = RigidTransform(X)
                 X_BH = X_WB.inverse() @ X_WH
                 handle = self._handle(body, X_BH, "", length)
+                if handle is not None and length < SHORTEST and not way(X[:3, 3]).rate:
+                    handle.faults.append("it turns in place")
                 if handle is None or _near(X_WH.translation(), places, length):
                     continue
                 if handle.faults:
@@ -228,6 +239,7 @@ class _Inspector:
                 else:
                     places.append(X_WH.translation())
                     found.append(handle)
+        found += self._edges(whole, found)
         for p_WH, handle in sorted(others, key=lambda each: -each[1].length):
             is_alone = handle.joint not in {other.joint for other in found}
             if not _near(p_WH, places, handle.length) and (handle.length >= SHORTEST or is_alone):
@@ -235,26 +247,62 @@ class _Inspector:
                 found.append(handle)
         return found
 
+    def _edges(self, whole: trimesh.Trimesh, handles: list[Handle]) -> list[Handle]:
+        """Free edges of boards that the hand can hold, one for each joint that moves no handle."""
+        joints, found = {name for handle in handles for name in handle.joints}, dict[str, Handle]()
+        for body in self._bodies:
+            joint, solid = self._moving_joint(body), self._solid([body])
+            if joint is None or not 0 < len(solid.faces) <= _MOST_FACES:
+                continue
+            name, X_WB = self._names.joints[int(joint.index())], self._pose(body)
+            if name in joints | set(found):
+                continue
+            way = partial(self._way, body, joint)
+            thickness = self._can.least_thickness, self._can.most_thickness
+            for X, length in edges_of(solid, whole, X_WB.rotation().matrix(), way, *thickness):
+                handle = self._handle(
+                    body, X_WB.inverse() @ RigidTransform(X), "", length, edge=True
+                )
+                if handle is not None and not handle.faults:
+                    found[name] = handle
+                    break
+        return list(found.values())
+
     def _handle(
-        self, body: RigidBody, X_BH: RigidTransform, name: str, length: float
+        self, body: RigidBody, X_BH: RigidTransform, name: str, length: float, *, edge: bool = False
     ) -> Handle | None:
-        """What a hand would hold at a pose in a moving body, which a frame gives a name."""
+        """What a hand would hold at a pose in a moving body, which a frame gives a name.
+
+        Fingers are on both sides of an edge, where other bodies may be.
+        """
         joint = self._moving_joint(body)
-        solid = self._solid(self._plant.GetBodiesWeldedTo(body), body.body_frame())
+        bodies = self._bodies if edge else self._plant.GetBodiesWeldedTo(body)
+        solid = self._solid(bodies, body.body_frame())
         if joint is None or solid.is_empty:
             return None
         solid.apply_transform(X_BH.inverse().GetAsMatrix4())
         bar = bar_at(solid, self._can.reach)
-        if bar is None or (not name and max(bar.thickness) > self._can.most_thickness):
+        if bar is not None and not (name or edge):
+            # Only the tips of the fingers go into what is narrow.
+            out = float(np.clip(self._can.tips - bar.behind, 0.0, self._can.reach))
+            X_BH = X_BH @ RigidTransform([out, 0.0, 0.0])
+            bar = bar_at(solid.apply_translation([-out, 0.0, 0.0]), self._can.reach)
+        if bar is None or not (name or edge or max(bar.thickness) <= self._can.most_thickness):
             return None
         faults = faults_of_bar(bar, self._can)
-        if length < SHORTEST:
+        if length < SHORTEST and not faults and min(bar.thickness) < self._can.least_knob:
             faults.append(
-                f"it is {1e3 * length:.0f} mm long, the hand {1e3 * SHORTEST:.0f} mm wide"
+                f"it is {1e3 * length:.0f} mm long and {1e3 * min(bar.thickness):.0f} mm thick, a"
+                f" knob needs {1e3 * self._can.least_knob:.0f} mm"
             )
         return Handle(
             grasp_frame=name or f"{self._body_name(body)}@{_listed(X_BH)}",
             joint=self._names.joints[int(joint.index())],
+            joints=[
+                self._names.joints[int(each.index())]
+                for each in joints_above(body, self._parents)
+                if moves(each)
+            ],
             bar=bar,
             length=length,
             faults=faults,

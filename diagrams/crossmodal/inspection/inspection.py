@@ -3,6 +3,7 @@
 import shlex
 import warnings
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 from crossmodal.diagrams.crossmodal.inspection.report import report
 from crossmodal.diagrams.crossmodal.objects.object_import import (
     WIDEST_PULL,
+    PlaceWarning,
     imported,
     in_words,
     pull_error,
@@ -44,16 +46,54 @@ def inspected(
         raise ScenarioError(str(error)) from None
     lines = report(found, own.model)
     held = [handle.grasp_frame for handle in found.handles if not handle.faults]
-    if not own.grasp_frame and not held:
+    frames = [own.grasp_frame] if own.grasp_frame else held
+    if not frames:
         return lines, None
-    own.grasp_frame = own.grasp_frame or held[0]
     base = load([])
     if not isinstance(base, Scenario):
         raise ScenarioError(f"--scenario {scenario}: has no object to be replaced")
-    if not own.pull_direction:
-        own.pull_direction = _pull_as_it_opens(own, base, scenario)
-    chosen = load(own_object_assignments(base, scenario, own))
+    lines.append("Place")
+    for frame in frames:
+        try:
+            tried, chosen = _placed(own, frame, base, scenario, load, lines)
+        except ScenarioError as error:
+            if own.grasp_frame:
+                raise
+            lines.append(f"  {frame}: {error}")
+        else:
+            return _shown(tried, chosen, scenario, lines)
+    return lines, None
+
+
+def _placed(
+    own: OwnObject,
+    frame: str,
+    base: Scenario,
+    scenario: str,
+    load: Callable[[Sequence[str]], object],
+    lines: list[str],
+) -> tuple[OwnObject, Scenario]:
+    """The model grasped at a frame, and the scenario with it; where it stands goes to `lines`."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        own = replace(own, grasp_frame=frame)
+        if not own.pull_direction:
+            own.pull_direction = _pull_as_it_opens(own, base, scenario)
+        chosen = load(own_object_assignments(base, scenario, own))
     assert isinstance(chosen, Scenario)
+    said = [str(one.message) for one in caught if issubclass(one.category, PlaceWarning)]
+    where = "as given" if own.pose else "where the scenario's own object stands"
+    lines.append(f"  {frame}: {said[0] if said else where}")
+    for one in caught:
+        if not issubclass(one.category, PlaceWarning):
+            warnings.warn_explicit(one.message, one.category, one.filename, one.lineno)
+    return own, chosen
+
+
+def _shown(
+    own: OwnObject, chosen: Scenario, scenario: str, lines: list[str]
+) -> "tuple[list[str], Figure]":
+    """The lines with the command that runs it, and the picture."""
     from crossmodal.diagrams.crossmodal.inspection.picture import picture
 
     words = ["crossmodal", "run", scenario, "--object", str(own.model)]

@@ -62,6 +62,11 @@ def _limits(joint: JointFacts) -> str:
 
 def _bar(handle: Handle) -> str:
     bar = handle.bar
+    is_edge = max(bar.thickness) > SOFT_HAND_RANGE.most_depth and not handle.faults
+    if is_edge:
+        return (
+            f"free edge, {1e3 * min(bar.thickness):.0f} mm thick, {1e3 * handle.length:.0f} mm long"
+        )
     text = f"{1e3 * max(bar.thickness):.0f} mm thick"
     if np.isfinite(handle.length):
         text += f", {1e3 * handle.length:.0f} mm long"

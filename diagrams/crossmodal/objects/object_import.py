@@ -16,11 +16,17 @@ from crossmodal.plants.object_import import COPIED_FOLDERS, MODEL_FILE
 if TYPE_CHECKING:
     from crossmodal.plants.object_import.object_import import ImportedObject
 
+ABOVE_FLOOR = 0.002  # So that nothing begins inside of it, [m].
+FLOOR_SCENE = "floor_scene.dmd.yaml"  # Without a table.
 WIDEST_PULL = 60.0  # From the way that the joint allows, [deg].
 
 
 class ObjectWarning(UserWarning):
     """What an import changed or assumed."""
+
+
+class PlaceWarning(ObjectWarning):
+    """Where an object stands, and why not as the scenario's own does."""
 
 
 def imported(

@@ -28,6 +28,8 @@ class ObjectModel:
             prismatic one.
         way_H: Unit vector (3,) in the handle's frame: where the handle goes from zero towards the
             joint's farther limit; zero for one on a revolute joint's axis.
+        twist_H: Of the handle in its own frame (6,), rotation first, per unit of the joint's motion
+            towards its farther limit, [rad] and [m] per [m or rad].
         two_ways: Whether both limits are equally far, or there are none.
         bottom: Height of its lowest point that can be touched in the model's frame, [m].
     """
@@ -38,6 +40,7 @@ class ObjectModel:
     X_OH: RigidTransform
     lever: float
     way_H: np.ndarray
+    twist_H: np.ndarray
     two_ways: bool
     bottom: float
 
@@ -107,13 +110,15 @@ def _facts(
         float(limits[0])
         for limits in (joint.position_lower_limits(), joint.position_upper_limits())
     )
+    farther = 1.0 if upper >= -lower else -1.0
     return ObjectModel(
         joint_type=JointType(joint.type_name()),
         lower=lower,
         upper=upper,
         X_OH=X_OH,
         lever=lever,
-        way_H=way_H * (1.0 if upper >= -lower else -1.0),
+        way_H=way_H * farther,
+        twist_H=V_JH_H.get_coeffs() * farther,
         two_ways=upper == -lower,
         bottom=_bottom(plant, scene_graph, instance),
     )

@@ -149,7 +149,7 @@ def make_manipulation_station(
     direction_E = facing(RigidTransform()).rotation().inverse() @ thing.pull_direction
     sequence = add_control(wiring, encoders, taught[0], taught[1], direction_E)
     add_vision(wiring, encoders, sequence)
-    ports = {name: sequence.GetOutputPort(name) for name in ("phase", "grasp_lost")}
+    ports = {name: sequence.GetOutputPort(name) for name in ("phase", "grasp_lost", "stuck")}
     add_task_status(builder, task_status, ports)
 
     def initialise(root: Context) -> None:

@@ -159,7 +159,7 @@ def add_control(
         parts = (part for part in (sequence, memory, generator) if part.HasInputPort(name))
         export_input(builder, name, *parts)
     export_outputs(builder, generator, "path_planned")
-    export_outputs(builder, sequence, "interaction_active", "phase", "grasp_lost")
+    export_outputs(builder, sequence, "interaction_active", "phase", "grasp_lost", "stuck")
     return sequence
 
 

@@ -29,9 +29,9 @@ def test_a_hand_that_lags_pulls_the_goal_ahead_in_the_wanted_direction() -> None
     assert_allclose(explore_step(np.eye(4), wanted, wanted, 0.1), np.eye(4))
 
 
-def explore_once(phase: Phase) -> tuple[np.ndarray, DesiredMotion]:
+def explore_once(phase: Phase, lead: float = np.inf) -> tuple[np.ndarray, DesiredMotion]:
     state = arm_model().Evaluate(np.concatenate([Q, np.zeros(7)]))
-    controller = ExplorationController(ExplorationConfig(), arm_model())
+    controller = ExplorationController(ExplorationConfig(lead=lead), arm_model())
     context = controller.CreateDefaultContext()
     controller.GetInputPort("pull_direction").FixValue(context, BACK)
     controller.GetInputPort("joint_state_measured").FixValue(
@@ -58,6 +58,13 @@ def test_exploration_advances_the_goal_along_the_pull_and_lets_the_rest_follow_t
     assert_allclose(error[:5], 0.0, atol=1e-9)
     assert_allclose(error[5], 0.05 - step, atol=1e-6)
     assert_allclose(motion.V_WE_E, [0, 0, 0, 0, 0, -0.02])
+
+
+def test_the_goal_is_no_farther_ahead_than_it_may_be() -> None:
+    X_WE, motion = explore_once(Phase.EXPLORE, lead=0.04)
+    error = se3.log(se3.inverse(X_WE) @ motion.X_WE)
+    step = ExplorationConfig().gain * ExplorationConfig().speed
+    assert_allclose(error[5], 0.04 - step, atol=1e-6)
 
 
 @pytest.mark.parametrize(("field", "value"), [("speed", -1.0), ("gain", np.nan), ("period", 0.0)])

@@ -11,6 +11,7 @@ from crossmodal.controllers.interaction.grasp_decisions import (
     Perceived,
     SequenceState,
     next_state,
+    tried_pose,
 )
 from crossmodal.controllers.interaction.grasp_sequence import (
     approach_motion,
@@ -65,6 +66,7 @@ def exploring() -> SequenceState:
         task=Phase.EXPLORE,
         attempts=0,
         lost=False,
+        stuck=False,
         doubted_since=np.inf,
     )
 
@@ -169,6 +171,30 @@ def test_the_pressure_of_the_grasp_is_that_at_which_the_hand_has_closed() -> Non
 def test_a_joint_that_is_never_perceived_counts_as_a_lost_grasp() -> None:
     state = step(exploring(), perceived(CONFIG.explore_time_limit, None))
     assert (state.phase, state.lost) == (Phase.RELEASE, True)
+
+
+def test_without_a_goal_other_grasps_are_tried_where_the_handle_was() -> None:
+    config = replace(CONFIG, other_grasps=True)
+    empty = {"pressure": 0.5 * HELD, "X_WE": off_the_handle(0.05)}
+    assert step(exploring(), perceived(1.0, None, **empty), Goal()).phase == Phase.STOP
+    state, poses = exploring(), list[np.ndarray]()
+    for _ in range(config.retries):
+        state = next_state(state, perceived(1.0, None, **empty), Goal(), config)
+        assert (state.phase, state.lost) == (Phase.RELEASE, True)
+        poses.append(se3.inverse(X_GRASP) @ tried_pose(state, config))
+        state = replace(state, phase=Phase.EXPLORE)
+    closer, turned = poses
+    assert_allclose(se3.log(closer), [0, 0, 0, 0, 0, config.closer], atol=1e-12)
+    assert_allclose(turned[:3, :3] @ [1, 0, 0], [0, 1, 0], atol=1e-12)
+    assert next_state(state, perceived(1.0, None, **empty), Goal(), config).phase == Phase.STOP
+
+
+def test_a_hand_that_holds_on_and_moves_nothing_stops_and_says_so() -> None:
+    config = replace(CONFIG, stuck_time=5.0)
+    for time, distance, stuck in ((4.9, 0.0, False), (5.0, 0.0, True), (5.0, 0.04, False)):
+        now = perceived(time, None, X_WE=moved(distance))
+        state = next_state(exploring(), now, Goal(), config)
+        assert (state.stuck, state.phase == Phase.STOP, state.lost) == (stuck, stuck, False)
 
 
 def test_without_a_goal_nothing_perceived_matters() -> None:

@@ -44,7 +44,7 @@ def test_a_model_without_a_handle_is_said_to_have_none() -> None:
     )
     result = RUNNER.invoke(app, ["inspect", "box.urdf"])
     assert result.exit_code == 0, result.output
-    assert "none: the hand holds bars of 4 to 50 mm" in result.stdout
+    assert "none: the hand holds bars of 4 to 55 mm" in result.stdout
     assert not Path("runs").exists()
 
 

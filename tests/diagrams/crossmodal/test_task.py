@@ -41,7 +41,7 @@ def truth(*opening: float) -> Truth:
 
 def events(*phases: tuple[float, ControlPhase], lost: bool = False) -> list[Event]:
     return [
-        Event(time=time, name=task_status(np.array([phase]), np.array([lost])).event)
+        Event(time=time, name=task_status(np.array([phase]), np.array([lost]), np.zeros(1)).event)
         for time, phase in phases
     ]
 
@@ -88,11 +88,16 @@ def test_a_mere_exploration_says_too_that_the_grasp_was_lost() -> None:
 def test_a_task_that_ran_out_of_time_says_so_in_readable_units() -> None:
     before = events((0.0, ControlPhase.CLOSE))
     cut = " asked for when the time was over"
-    assert task_failure(Task(), truth(0.0, 0.0), before) == f"opened 0.0 cm of the 20 cm{cut}"
+    assert (
+        task_failure(Task(goal=None), truth(0.0, 0.0), before) == f"opened 0.0 cm of the 20 cm{cut}"
+    )
     door = replace(truth(0.0, 0.1), type=JointType.REVOLUTE)
     assert task_failure(Task(), door, before) == f"opened 5.7 deg of the 11.5 deg{cut}"
     stopped = events((2.0, ControlPhase.STOP))
-    assert task_failure(Task(), truth(0.0, 0.0), stopped) == "opened 0.0 cm of the 20 cm asked for"
+    assert (
+        task_failure(Task(goal=None), truth(0.0, 0.0), stopped)
+        == "opened 0.0 cm of the 20 cm asked for"
+    )
 
 
 @pytest.mark.parametrize("with_truth", [True, False])
@@ -125,9 +130,17 @@ def test_where_the_truth_is_unknown_nothing_failed_and_nothing_is_said_to_be_rea
 @pytest.mark.parametrize("phase", ControlPhase)
 def test_the_station_says_what_a_phase_means_and_only_stopping_ends_it(phase: ControlPhase) -> None:
     for lost in (0.0, 1.0):
-        status = task_status(np.array([phase]), np.array([lost]))
+        status = task_status(np.array([phase]), np.array([lost]), np.zeros(1))
         assert status.done == (phase == ControlPhase.STOP)
     assert (status.note == "grasp lost") == (phase == ControlPhase.STOP)
+
+
+def test_a_joint_that_did_not_move_although_the_hand_held_on_is_locked_or_too_heavy() -> None:
+    status = task_status(np.array([ControlPhase.STOP]), np.zeros(1), np.ones(1))
+    assert status.done
+    failure = task_failure(Task(goal=None), truth(0.0, 0.0), [Event(time=9.0, name=status.event)])
+    assert failure is not None
+    assert failure.endswith("nothing moved although the hand held on: locked or too heavy")
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,8 @@ from pydrake.geometry import (
     Cylinder,
     GeometrySet,
     ProximityProperties,
+    Shape,
+    Sphere,
 )
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import (
@@ -32,21 +34,22 @@ CAN = SOFT_HAND_RANGE
 OUT = 0.035
 
 
-def add_bar(plant: MultibodyPlant, thickness: float, clearance: float, off: float) -> RigidBody:
-    """A bar along y of E, `off` along its z, in front of a panel, that slides along its z."""
+def add_bar(
+    plant: MultibodyPlant, shape: Shape, X_EShape: RigidTransform, panel: float, axis: list[float]
+) -> RigidBody:
+    """A shape in front of a panel at z of E = `panel`, that slides along an axis of E (3,)."""
     instance = plant.AddModelInstance("bar")
     inertia = SpatialInertia.SolidCylinderWithMass(2.0, 0.05, 0.2, [0, 1, 0])
     body = plant.AddRigidBody("bar", instance, inertia)
-    slide = PrismaticJoint("slide", plant.world_frame(), body.body_frame(), [0, 0, 1], -1, 1, 8.0)
+    slide = PrismaticJoint("slide", plant.world_frame(), body.body_frame(), axis, -1, 1, 8.0)
     plant.AddJointActuator("puller", plant.AddJoint(slide))
     properties = ProximityProperties()
     AddRigidHydroelasticProperties(0.012, properties)
     properties.AddProperty("material", "coulomb_friction", CoulombFriction(1.0, 1.0))
-    X_EBar = RigidTransform(RotationMatrix.MakeXRotation(np.pi / 2), [0, 0, off])
-    plant.RegisterCollisionGeometry(body, X_EBar, Cylinder(thickness / 2, 0.17), "bar", properties)
-    behind = RigidTransform([0, 0, off + thickness / 2 + clearance + 0.01])
-    friction = CoulombFriction(0.5, 0.5)
-    plant.RegisterCollisionGeometry(body, behind, Box(0.4, 0.4, 0.02), "panel", friction)
+    plant.RegisterCollisionGeometry(body, X_EShape, shape, "bar", properties)
+    if np.isfinite(panel):
+        behind, friction = RigidTransform([0, 0, panel + 0.01]), CoulombFriction(0.5, 0.5)
+        plant.RegisterCollisionGeometry(body, behind, Box(0.4, 0.4, 0.02), "panel", friction)
     return body
 
 
@@ -63,7 +66,16 @@ def ignore_self_collision(plant: MultibodyPlant, scene_graph, hand: ModelInstanc
 def slip(
     force: float, thickness: float = 0.018, clearance: float = 0.06, off: float = 0.0
 ) -> float:
-    """How far the bar comes out of the hand, drawn by a force, [m]."""
+    """How far a bar along y of E comes out of the hand, drawn by a force along z of E, [m]."""
+    X_EBar = RigidTransform(RotationMatrix.MakeXRotation(np.pi / 2), [0, 0, off])
+    panel = off + thickness / 2 + clearance
+    return slip_of(force, Cylinder(thickness / 2, 0.17), X_EBar, panel, [0, 0, 1])
+
+
+def slip_of(
+    force: float, shape: Shape, X_EShape: RigidTransform, panel: float, axis: list[float]
+) -> float:
+    """How far a shape comes out of the hand, drawn by a force along an axis of E, [m]."""
     builder = DiagramBuilder()
     config = MultibodyPlantConfig(
         time_step=0.006, discrete_contact_approximation=PlantConfig().contact_approximation
@@ -73,7 +85,7 @@ def slip(
     hand = add_model(make_parser(plant), HAND_FILE, "hand")
     end_effector = plant.GetFrameByName("end_effector", hand)
     plant.WeldFrames(plant.world_frame(), end_effector)
-    bar = add_bar(plant, thickness, clearance, off)
+    bar = add_bar(plant, shape, X_EShape, panel, axis)
     plant.Finalize()
     ignore_self_collision(plant, scene_graph, hand)
     air = builder.AddSystem(PneumaticHand(PneumaticHandConfig()))
@@ -107,7 +119,8 @@ def slip(
     [
         {"thickness": CAN.least_thickness, "force": 15.0},
         {"thickness": CAN.most_thickness, "force": 25.0},
-        {"clearance": CAN.clearance, "force": 25.0},
+        {"clearance": CAN.behind - 0.009, "force": 15.0},
+        {"clearance": CAN.clearance, "off": CAN.tips - 0.009 - CAN.clearance, "force": 25.0},
         {"off": CAN.reach, "force": 25.0},
     ],
 )
@@ -115,7 +128,22 @@ def test_the_hand_holds_what_is_in_its_range(case: dict[str, float]) -> None:
     assert slip(**case) < OUT
 
 
+def test_the_hand_holds_knobs() -> None:
+    radius = 0.5 * CAN.least_knob
+    panel = max(CAN.behind, radius + CAN.clearance)
+    assert slip_of(15.0, Sphere(radius), RigidTransform(), panel, [0, 0, 1]) < OUT
+
+
+@pytest.mark.parametrize("thickness", [CAN.least_thickness, CAN.most_thickness])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_the_hand_holds_the_edge_of_a_board_that_moves_across_it(
+    thickness: float, sign: float
+) -> None:
+    inside = RigidTransform([0, 0, 0.15 - 0.02])  # Its edge is 2 cm before the frame.
+    assert slip_of(8.0, Box(thickness, 0.4, 0.3), inside, np.inf, [sign, 0, 0]) < OUT
+
+
 @pytest.mark.parametrize("case", [{"off": 2 * CAN.reach}, {"thickness": 0.5 * CAN.least_thickness},
-                                  {"clearance": 0.4 * CAN.clearance}])  # fmt: skip
+                                  {"clearance": 0.4 * CAN.behind}])  # fmt: skip
 def test_the_hand_loses_what_is_out_of_its_range(case: dict[str, float]) -> None:
     assert slip(25.0, **case) > OUT

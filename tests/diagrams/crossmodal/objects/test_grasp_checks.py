@@ -59,9 +59,10 @@ def test_a_bars_tilt_is_found_and_leaves_its_thickness() -> None:
 @pytest.mark.parametrize(
     ("solid", "expected"),
     [
-        (bar(0.07), "it is 70 mm thick, it closes around 4 to 50 mm"),
+        (bar(0.07), "it is 70 mm thick, it closes around 4 to 55 mm"),
         (bar(0.002), "it is 2.0 mm thin"),
-        (bar(clearance=0.012), "12 mm are free behind it, the fingers need 25 mm"),
+        (bar(clearance=0.006), "6 mm are free behind it, the fingers need 10 mm"),
+        (bar(clearance=0.012), "21 mm are between the frame and what is behind it, the fingers"),
         (bar(tilt=0.7), "it is 40 deg off the frame's y, and may be 25"),
         (bar(tilt=np.pi / 2), "thick"),
         (trimesh.creation.box([0.02, 0.4, 0.4]), "it is 400 mm thick"),
@@ -76,6 +77,16 @@ def test_a_bar_that_the_hand_does_not_hold_is_warned_of(
     assert len(faults) == 1
     assert expected in faults[0]
     assert "'grip'" in faults[0]
+
+
+def test_an_edge_is_held_where_fingers_go_to_both_of_its_sides() -> None:
+    board = trimesh.creation.box([0.3, 0.4, 0.02]).apply_translation([-0.13, 0, 0])
+    assert grasp_faults(board, "grip", SOFT_HAND_RANGE) == []
+    (fault,) = grasp_faults(board.copy().apply_translation([0.03, 0, 0]), "grip", SOFT_HAND_RANGE)
+    assert "300 mm thick" in fault
+    case = trimesh.creation.box([0.3, 0.4, 0.1]).apply_translation([-0.13, 0, 0.08])
+    (fault,) = grasp_faults(board + case, "grip", SOFT_HAND_RANGE)
+    assert "30 mm are free beside the edge's middle, the fingers need 55 mm" in fault
 
 
 def test_of_the_programs_own_handles_nothing_is_said() -> None:

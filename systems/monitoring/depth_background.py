@@ -71,8 +71,6 @@ class DepthBackgroundConfig:
     still: float = number(0.3, above=0.0, below=0.5)
     # Relative change of the depth of all the rest that is a fault. A block's noise is as large.
     tolerance: float = number(5e-4, above=0.0, at_most=1.0)
-    # A block's relative error in the law that most of them have changed by.
-    error: float = number(2e-3, above=0.0, at_most=1.0)
 
 
 def changes(background: DepthBackground, depth: Array, seen: Mask) -> Array:
@@ -100,7 +98,7 @@ def has_changed(config: DepthBackgroundConfig, change: Array) -> bool:
         return False
     change, A = change[:, 0], np.column_stack([np.ones(len(change)), change[:, 1]])
     for columns in ([0, 1], [0], [1]):
-        law, _ = law_of_most(A[:, columns], change, config.error)
+        law, _ = law_of_most(A[:, columns], change, config.tolerance)
         if np.ptp(np.sign(law)) == 0.0 and is_noise(config, change - A[:, columns] @ law):
             return True
     return False

@@ -143,5 +143,6 @@ def test_any_value_of_any_number_is_refused_by_its_path_or_in_its_range(value: f
             assert possible.holds(value_at(result, path))
             accepted.append(path[-1])
     if not np.isfinite(value):
-        endless = ["end"] * 5 + ["explore_time_limit", "slip", "stuck_after", "travel"]
+        endless = ["end"] * 5
+        endless += ["explore_time_limit", "lead", "slip", "stuck_after", "stuck_time", "travel"]
         assert sorted(map(str, accepted)) == (sorted(endless) if value == inf else [])

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -169,9 +170,14 @@ def test_drakes_own_elements_are_kept_however_they_are_declared(
     assert "<drake:mu_static>0.7<" in imported.model.read_text()
 
 
-def test_only_what_moves_with_the_grasp_becomes_rigid_hydroelastic(tmp_path: Path) -> None:
+def test_what_moves_with_the_grasp_and_every_mesh_becomes_rigid_hydroelastic(
+    tmp_path: Path,
+) -> None:
     imported = import_object(write_cabinet(tmp_path), tmp_path / "out", grasp_frame="upper_grip")
-    assert imported.model.read_text().count("<drake:rigid_hydroelastic") == 1
+    collisions = list(ElementTree.parse(imported.model).iter("collision"))
+    rigid = [c for c in collisions if "rigid_hydroelastic" in ElementTree.tostring(c, "unicode")]
+    meshes = [c for c in collisions if c.find("geometry/mesh") is not None]
+    assert len(meshes) == len(rigid) == 3
 
 
 def test_the_models_frame_stands_on_the_root(tmp_path: Path) -> None:

@@ -57,7 +57,8 @@ class KinematicModelConfig(Ticked):
 
     Attributes:
         filters: Of every pair; its errors are those of bodies that the eye follows.
-        held_errors: Of the body in the hand while nobody sees it.
+        held_errors: Of the body in the hand while nobody sees it, or which vision did not know
+            before; and of two bodies that both move.
         reference_age: How long before a body was first measured its reference may be.
         patience: How long a pair outlives its bodies' measurements.
         max_pairs: Most pairs that are updated in a tick. Those with the static environment always
@@ -119,15 +120,20 @@ class PairFilters(NamedTuple):
 
     Attributes:
         seen: Of what the eye follows.
-        held: Of what the hand alone follows.
+        held: Of what the hand alone follows, or holds on another body.
     """
 
     seen: JointFilters
     held: JointFilters
 
-    def of(self, body: BodyMotion) -> JointFilters:
-        """Those that expect the errors which the poses of a pair with this child have."""
-        return self.held if isinstance(body, HeldBody) and body.seen is None else self.seen
+    def of(self, parent_id: int, body: BodyMotion, seen: SeenBody) -> JointFilters:
+        """Those that expect the errors which the poses of a pair with this child have.
+
+        Of a held body that vision did not know before, the hand says where it was at first; on a
+        parent that moves, too, the errors of both add up.
+        """
+        by_eye = not isinstance(body, HeldBody) or (body.seen is not None and seen is not UNSEEN)
+        return self.seen if by_eye and parent_id == STATIC_BODY else self.held
 
 
 def pair_filters(config: KinematicModelConfig, owner: str) -> PairFilters:
@@ -360,7 +366,9 @@ def update_graph(
     for pair in sorted({*possible, *graph.pairs}):
         measured = present if pair[0] == graph.seen.body_id else described
         if pair in scheduled and pair[1] in measured:
-            state = _update_pair(pair, graph, measured, filters.of(measured[pair[1]]), config)
+            state = _update_pair(
+                pair, graph, measured, filters.of(pair[0], measured[pair[1]], graph.seen), config
+            )
         else:
             state = graph.pairs.get(pair)
             is_followed = set(pair) <= {STATIC_BODY, *followed, *resting}

@@ -13,6 +13,7 @@ from crossmodal.systems.kinematics.joint_filters import JointFilters, JointFilte
 from crossmodal.systems.kinematics.joint_graph import pair_filters
 from crossmodal.systems.kinematics.kinematic_model import KinematicModel, KinematicModelConfig
 from crossmodal.systems.kinematics.measurement_errors import MeasurementErrorsConfig
+from crossmodal.systems.kinematics.seen_body import UNSEEN, SeenBody
 from crossmodal.systems.port_values import (
     HELD_BODY,
     STATIC_BODY,
@@ -117,9 +118,15 @@ def _after_closing(
 
 def test_the_errors_are_those_of_who_follows_the_body() -> None:
     filters = pair_filters(KinematicModelConfig(), "test")
-    assert filters.of(_seen(JointType.PRISMATIC, 1)) is filters.seen
-    assert filters.of(_held(JointType.PRISMATIC, _CLOSED, is_seen=True)) is filters.seen
-    assert filters.of(_held(JointType.PRISMATIC, _CLOSED)) is filters.held
+    known = SeenBody(body_id=_SEEN, X_KB=np.eye(4))
+    by_eye = _seen(JointType.PRISMATIC, 1)
+    sighted = _held(JointType.PRISMATIC, _CLOSED, is_seen=True)
+    in_the_dark = _held(JointType.PRISMATIC, _CLOSED)
+    assert filters.of(STATIC_BODY, by_eye, UNSEEN) is filters.seen
+    assert filters.of(STATIC_BODY, sighted, known) is filters.seen
+    assert filters.of(STATIC_BODY, sighted, UNSEEN) is filters.held
+    assert filters.of(STATIC_BODY, in_the_dark, known) is filters.held
+    assert filters.of(_SEEN, sighted, known) is filters.held
 
 
 @pytest.mark.parametrize("are_known", [True, False])

@@ -12,6 +12,9 @@ from crossmodal.maths.compiled import hot
 
 FALSE_ALARM = 1e-3  # Probability with which a measurement without a fault is taken for an outlier.
 
+# Standard deviation of a normal distribution over the median of its absolute values.
+MEDIAN_TO_SIGMA = 1.4826
+
 
 @hot
 def symmetric(P: Array) -> Array:

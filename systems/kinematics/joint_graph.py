@@ -132,7 +132,8 @@ class PairFilters(NamedTuple):
         Of a held body that vision did not know before, the hand says where it was at first; on a
         parent that moves, too, the errors of both add up.
         """
-        by_eye = not isinstance(body, HeldBody) or (body.seen is not None and seen is not UNSEEN)
+        is_known = seen.body_id != STATIC_BODY
+        by_eye = not isinstance(body, HeldBody) or (body.seen is not None and is_known)
         return self.seen if by_eye and parent_id == STATIC_BODY else self.held
 
 
@@ -252,9 +253,9 @@ def recognised(
     own = {pair: state for pair, state in graph.pairs.items() if pair[1] == HELD_BODY}
     of_seen = {pair for pair in graph.pairs if seen.body_id in pair}
     if seen.body_id not in bodies:
-        before = graph.bodies[seen.body_id]
-        count = _ANEW
-        if isinstance(held, HeldBody) and np.isin(held.feature_ids, before.feature_ids).any():
+        before, count = graph.bodies.get(seen.body_id), _ANEW
+        shared = np.isin(held.feature_ids, [] if before is None else before.feature_ids)
+        if before is not None and isinstance(held, HeldBody) and shared.any():
             # The same landmarks go on, in the frame of the held body, and so do their errors.
             X_KB = se3.inverse(before.X_WB_reference) @ held.seen_reference
             seen, count = replace(seen, X_KB=X_KB), held.reset_count

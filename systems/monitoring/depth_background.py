@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from crossmodal.maths.arrays import Array, Mask
+from crossmodal.maths.gaussian import MEDIAN_TO_SIGMA
 from crossmodal.maths.immutable import Immutable
 from crossmodal.maths.validation import number
 from crossmodal.systems.monitoring.background import (
@@ -118,7 +119,7 @@ def is_noise(config: DepthBackgroundConfig, residual: Array) -> bool:
 
 def _noise(values: Array) -> float:
     """Standard deviation of what neighbours do not share, by second differences; robust."""
-    return 1.4826 * float(np.median(np.abs(np.diff(values, 2)))) / np.sqrt(6.0)
+    return MEDIAN_TO_SIGMA * float(np.median(np.abs(np.diff(values, 2)))) / np.sqrt(6.0)
 
 
 def watch_depth(

@@ -7,6 +7,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from crossmodal.maths.arrays import Array, Mask
+from crossmodal.maths.gaussian import MEDIAN_TO_SIGMA
 from crossmodal.maths.pinhole import Intrinsics
 from crossmodal.maths.validation import number
 
@@ -167,7 +168,7 @@ def _above_table(
             break
         plane = np.linalg.lstsq(A[weight], b[weight], rcond=None)[0]
         residual = b - A @ plane
-        scale = 1.4826 * float(np.median(np.abs(residual[weight])))
+        scale = MEDIAN_TO_SIGMA * float(np.median(np.abs(residual[weight])))
         weight = np.abs(residual) < max(2.5 * scale, 1e-4)
     offset = p_W[..., :2] - centre[:2]
     return np.asarray(above - offset @ plane[:2] - plane[2] > config.margin)

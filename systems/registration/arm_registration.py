@@ -8,6 +8,7 @@ from pydrake.systems.framework import Context
 from pydrake.systems.sensors import ImageDepth32F
 
 from crossmodal.maths.arrays import Array
+from crossmodal.maths.gaussian import MEDIAN_TO_SIGMA
 from crossmodal.maths.immutable import Immutable
 from crossmodal.maths.validation import check, number
 from crossmodal.systems.arm_pose import joints_at, offset_variances
@@ -35,7 +36,6 @@ from crossmodal.systems.registration.robot_view import Joints, RobotView
 from crossmodal.systems.ticks import Ticked
 
 CAMERA = "camera"
-_MEDIAN_TO_SIGMA = 1.4826  # Of a normal distribution's absolute values.
 
 
 @dataclass(kw_only=True)
@@ -290,7 +290,7 @@ def fit(
         share: The measured image's pixels per match.
     """
     e = seen.residual - seen.A @ state.mean
-    noise = _MEDIAN_TO_SIGMA * float(np.median(np.abs(e)))
+    noise = MEDIAN_TO_SIGMA * float(np.median(np.abs(e)))
     images = before.images + 1
     share = min(share / config.correlation**2, 1.0)
     weights = match_weights(seen.body, e, noise, images, config.surface, share)

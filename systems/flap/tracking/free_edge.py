@@ -5,13 +5,13 @@ from typing import NamedTuple
 import numpy as np
 
 from crossmodal.maths.arrays import Array, Mask
+from crossmodal.maths.gaussian import MEDIAN_TO_SIGMA
 from crossmodal.maths.pinhole import Intrinsics
 from crossmodal.systems.flap.tracking.flap_region import InverseDepth
 from crossmodal.systems.flap.tracking.plane_fit import PlaneFit, near_plane
 
 _GATE = 3.0  # Standard deviations within which a place belongs to the line.
 _ROUNDS = 5  # Of fitting the line to the places that belong to it.
-_MEDIAN_TO_SIGMA = 1.4826  # Of a normal distribution's absolute values.
 _BEYOND = 3  # What would hide the edge is looked for so far beyond it, [px].
 
 
@@ -74,7 +74,7 @@ def free_edge(
             return None
         line = np.polyfit(s[kept], h[kept], 1)
         off = np.abs(h - np.polyval(line, s))
-        sigma = max(_MEDIAN_TO_SIGMA * float(np.median(off[kept])), 0.5 * pixel)
+        sigma = max(MEDIAN_TO_SIGMA * float(np.median(off[kept])), 0.5 * pixel)
         kept = off < _GATE * sigma
     direction = e + line[0] * t
     s_0 = float(s[kept].mean())

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 
 from crossmodal.maths.arrays import Array, Ids, Mask
+from crossmodal.maths.gaussian import MEDIAN_TO_SIGMA
 from crossmodal.systems.flap.tracking.flap_region import (
     InverseDepth,
     LocalPlanes,
@@ -22,7 +23,6 @@ from crossmodal.systems.flap.tracking.plane_fit import PlaneFit, fit_plane, refi
 _ROUNDS = 4  # Of fitting two planes, each to its own side.
 _CLEAR_ROUNDS = 2  # Of fitting both where they are apart.
 _GAPS = np.ones((21, 21), np.uint8)  # Between a part's pixels, which are its own, [px].
-_MEDIAN_TO_SIGMA = 1.4826  # Of a normal distribution's absolute values.
 _BORDER = 5  # Side of the square by which a part is eroded, [px].
 
 
@@ -53,7 +53,7 @@ def measured_scale(parts: Parts, sensor: DepthSensorConfig) -> float:
         residuals.append(np.abs(image.residuals(fit.m_C)[part]))
     if not residuals:
         return float("nan")
-    return _MEDIAN_TO_SIGMA * float(np.median(np.concatenate(residuals))) / sensor.growth
+    return MEDIAN_TO_SIGMA * float(np.median(np.concatenate(residuals))) / sensor.growth
 
 
 def segment(

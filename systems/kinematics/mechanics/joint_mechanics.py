@@ -8,6 +8,7 @@ from pydrake.systems.framework import Context
 
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
+from crossmodal.maths.gaussian import MEDIAN_TO_SIGMA
 from crossmodal.maths.immutable import Immutable
 from crossmodal.systems.kinematics.joint_screws import HandForce
 from crossmodal.systems.kinematics.mechanics.joint_mechanics_config import JointMechanicsConfig
@@ -64,7 +65,7 @@ def watch_free_hand(state: HeldJointMechanics, load: HandLoad) -> HeldJointMecha
     free = (*state.free, load.F_S)[-_FREE:]
     readings = np.array(free)
     zero = np.median(readings, axis=0)
-    spread = 1.4826 * np.median(np.abs(readings - zero), axis=0)
+    spread = MEDIAN_TO_SIGMA * np.median(np.abs(readings - zero), axis=0)
     known = len(free) / _CORRELATED
     if known < 1.0:
         return replace(state, free=free)

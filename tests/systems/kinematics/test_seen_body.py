@@ -116,6 +116,17 @@ def _after_closing(
     return driver
 
 
+def test_a_seen_body_that_was_forgotten_while_the_held_one_was_doubted() -> None:
+    joint = JointType.PRISMATIC
+    driver = _after_closing(joint)
+    for k in range(_CLOSED + 1, _CLOSED + 60):
+        driver.set(replace(_held(joint, k), is_seen=False))
+        driver.tick()
+    driver.set(_held(joint, _CLOSED + 60, is_seen=True))
+    driver.tick()
+    assert [j.child_id for j in driver.joints().joints] == [HELD_BODY]
+
+
 def test_the_errors_are_those_of_who_follows_the_body() -> None:
     filters = pair_filters(KinematicModelConfig(), "test")
     known = SeenBody(body_id=_SEEN, X_KB=np.eye(4))

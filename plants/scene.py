@@ -22,13 +22,13 @@ from pydrake.multibody.parsing import (
     ProcessModelDirectives,
 )
 from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant, MultibodyPlantConfig
-from pydrake.multibody.tree import Joint, ModelInstanceIndex, ScrewJoint
+from pydrake.multibody.tree import Joint, ModelInstanceIndex
 from pydrake.systems.framework import DiagramBuilder
 
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.validation import check, number
 from crossmodal.models import SDF_DIR
-from crossmodal.plants.joint_friction import add_holding_friction, connect_holding_friction
+from crossmodal.plants.joint_friction import add_friction, connect_friction
 from crossmodal.plants.parsing import add_model, find_model, make_parser
 
 _WHITE = Rgba(1.0, 1.0, 1.0)
@@ -55,7 +55,7 @@ class ObjectPlacement:
         model: SDF or URDF file, or the text of an SDF.
         X_WO: Pose of its model frame.
         free: Whether its root floats, to rest on the table or floor, or is welded to the world.
-        friction: Coulomb friction of each of its joints.
+        friction: Coulomb friction of each of its joints of one degree of freedom.
         texture: PNG in models/sdf/textures for visuals whose names begin with `textured`.
     """
 
@@ -75,15 +75,12 @@ class ManipulationScene:
         scene_graph: Its geometry.
         objects: Model instance of each placed object, by its name.
         friction: Coulomb friction of each velocity of the plant (nv,), [N] or [N m].
-        applied_friction: What of it somebody has to apply (nv,); not a screw's, which the plant has
-            as a motor.
     """
 
     plant: MultibodyPlant
     scene_graph: SceneGraph
     objects: dict[str, ModelInstanceIndex]
     friction: Array
-    applied_friction: Array
 
     def model(self, name: str) -> ModelInstanceIndex:
         """The model instance of that name: a robot's, an object's or a piece of furniture's."""
@@ -136,30 +133,26 @@ def add_manipulation_scene(
         name: _place(plant, parser, name, placement) for name, placement in objects.items()
     }
     for name, placement in objects.items():
-        for joint in map(plant.get_joint, plant.GetJointIndices(instances[name])):
-            if isinstance(joint, ScrewJoint) and placement.friction > 0.0:
-                add_holding_friction(plant, joint, placement.friction)
+        for joint in object_joints(plant, instances[name]):
+            if placement.friction > 0.0:
+                add_friction(plant, joint, placement.friction)
     for name in weightless:
         plant.set_gravity_enabled(find_model(plant, name), False)
     plant.Finalize()
     for robot in robots:
         _ignore_self_collision(plant, scene_graph, [find_model(plant, name) for name in robot])
-    friction, by_motor = np.zeros(plant.num_velocities()), np.zeros(plant.num_velocities())
+    friction = np.zeros(plant.num_velocities())
     for name, placement in objects.items():
         if placement.texture:
             _set_texture(plant, scene_graph, instances[name], placement.texture)
-        connect_holding_friction(builder, plant, instances[name])
+        connect_friction(builder, plant, instances[name])
         for joint in object_joints(plant, instances[name]):
-            start = joint.velocity_start()
-            ours = slice(start, start + joint.num_velocities())
-            friction[ours] = placement.friction
-            by_motor[ours] = placement.friction if isinstance(joint, ScrewJoint) else 0.0
+            friction[joint.velocity_start()] = placement.friction
     return ManipulationScene(
         plant=plant,
         scene_graph=scene_graph,
         objects=instances,
         friction=friction,
-        applied_friction=friction - by_motor,
     )
 
 
@@ -228,10 +221,10 @@ def position_index(plant: MultibodyPlant, joint: Joint) -> int:
 
 
 def object_joints(plant: MultibodyPlant, instance: ModelInstanceIndex) -> list[Joint]:
-    """The joints between bodies of an object that can move."""
+    """The joints of one degree of freedom between bodies of an object."""
     joints = (plant.get_joint(index) for index in plant.GetJointIndices(instance))
     world = plant.world_body().index()
-    return [j for j in joints if j.num_velocities() > 0 and j.parent_body().index() != world]
+    return [j for j in joints if j.num_velocities() == 1 and j.parent_body().index() != world]
 
 
 def _ignore_self_collision(

@@ -23,15 +23,24 @@ from crossmodal.maths.arrays import Array
 from crossmodal.maths.validation import check
 
 
-def exploration_gains(config: GraspSequenceConfig, direction_E: Array) -> ImpedanceGains:
-    """Compliant in all directions, stiff in the pulling direction (3,) of E."""
+def exploration_gains(
+    config: GraspSequenceConfig, direction_E: Array, has_stopped: bool = False
+) -> ImpedanceGains:
+    """Compliant in all directions, stiff in the pulling direction (3,) of E.
+
+    A hand that has stopped is braked in the compliant directions as while it approaches: one that
+    has slipped off would be thrown aside by what the arm's weight is not known to.
+    """
     direction = direction_E / np.linalg.norm(direction_E)
     pull = np.zeros((6, 6))
     pull[3:, 3:] = np.outer(direction, direction)
     free = np.eye(6) - pull
+    across = config.compliant_damping * np.eye(6)
+    if has_stopped:
+        across = stiff_gains(config).damping
     return ImpedanceGains(
         stiffness=config.compliant_stiffness * free + config.pull_stiffness * pull,
-        damping=config.compliant_damping * free + config.pull_damping * pull,
+        damping=free @ across + config.pull_damping * pull,
         mass=config.mass * np.eye(6),
     )
 
@@ -187,8 +196,10 @@ class GraspSequence(Sequence):
         return approach_motion(X_WE_grasp, self._back, s, time)
 
     def _calc_gains(self, context: Context) -> ImpedanceGains:
-        if self._config.comply and is_held(self._state(context).phase):
-            return exploration_gains(self._config, np.asarray(self._direction.Eval(context)))
+        phase = self._state(context).phase
+        if self._config.comply and is_held(phase):
+            direction = np.asarray(self._direction.Eval(context))
+            return exploration_gains(self._config, direction, phase == Phase.STOP)
         return self._stiff
 
     def _next(self, context: Context) -> SequenceState:

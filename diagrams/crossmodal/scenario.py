@@ -68,7 +68,7 @@ class ObjectConfig:
     # Where the hand pulls to explore, in the handle's frame; out of the object is x.
     pull_direction: np.ndarray = numbers(np.array([1.0, 0.0, 0.0]), at_least=-100.0, at_most=100.0)
     friction: float = number(6.0, at_least=0.0, at_most=1000.0, unit="N or N m")  # Of the joint.
-    # By which a magnet or the like holds the joint where it starts.
+    # By which a magnet or the like holds the joint where it starts, beyond friction.
     detent: float = number(0.0, at_least=0.0, at_most=1000.0, unit="N or N m")
     variation: ObjectVariation = field(default_factory=ObjectVariation)
 

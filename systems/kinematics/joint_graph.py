@@ -57,8 +57,7 @@ class KinematicModelConfig(Ticked):
 
     Attributes:
         filters: Of every pair; its errors are those of bodies that the eye follows.
-        held_errors: Of the body in the hand while nobody sees it, or which vision did not know
-            before; and of two bodies that both move.
+        held_errors: Of the body in the hand while nobody sees it, and of two bodies that both move.
         reference_age: How long before a body was first measured its reference may be.
         patience: How long a pair outlives its bodies' measurements.
         max_pairs: Most pairs that are updated in a tick. Those with the static environment always
@@ -95,6 +94,7 @@ class JointGraphState(Immutable):
             that with the seen one, are of the seen one's frame.
         closed_at: X_PB of the held body where the hand closed, by its parent; of those joints that
             it has taken over.
+        is_sighted: Whether features have shown the held body since the hand closed.
         health: Of the bodies' poses at this tick.
     """
 
@@ -105,6 +105,7 @@ class JointGraphState(Immutable):
     ticks: int
     seen: SeenBody = UNSEEN
     closed_at: dict[int, PoseBelief] = field(default_factory=dict)
+    is_sighted: bool = False
     health: StreamHealth = HEALTHY
 
 
@@ -126,14 +127,12 @@ class PairFilters(NamedTuple):
     seen: JointFilters
     held: JointFilters
 
-    def of(self, parent_id: int, body: BodyMotion, seen: SeenBody) -> JointFilters:
+    def of(self, parent_id: int, body: BodyMotion) -> JointFilters:
         """Those that expect the errors which the poses of a pair with this child have.
 
-        Of a held body that vision did not know before, the hand says where it was at first; on a
-        parent that moves, too, the errors of both add up.
+        On a parent that moves, too, the errors of both add up.
         """
-        is_known = seen.body_id != STATIC_BODY
-        by_eye = not isinstance(body, HeldBody) or (body.seen is not None and is_known)
+        by_eye = not isinstance(body, HeldBody) or body.seen is not None
         return self.seen if by_eye and parent_id == STATIC_BODY else self.held
 
 
@@ -246,10 +245,10 @@ def recognised(
     if HELD_BODY not in graph.bodies:
         known = [child for parent, child in graph.pairs if parent == STATIC_BODY]
         seen = find_seen(held, bodies, known, config.transfer_window)
-        graph = replace(graph, seen=seen, closed_at={})
+        graph = replace(graph, seen=seen, closed_at={}, is_sighted=False)
         return graph if seen.body_id == STATIC_BODY else _handed_over(graph, bodies)
     if not seen.is_followed:
-        return graph
+        return _sighted(graph, held)
     own = {pair: state for pair, state in graph.pairs.items() if pair[1] == HELD_BODY}
     of_seen = {pair for pair in graph.pairs if seen.body_id in pair}
     if seen.body_id not in bodies:
@@ -270,6 +269,23 @@ def recognised(
     others |= {pair: state for pair, state in own.items() if pair in of_seen}
     past = {child: states for child, states in graph.past.items() if child != HELD_BODY}
     return replace(graph, pairs=others, past=past, seen=UNSEEN, closed_at={})
+
+
+def _sighted(graph: JointGraphState, held: BodyMotion) -> JointGraphState:
+    """The graph in which the held body's joint begins anew where features tell its motion.
+
+    The hand says where the body was when it closed to some millimetres, features that rested until
+    then exactly.
+    """
+    if graph.is_sighted or not isinstance(held, HeldBody) or held.seen is None:
+        return graph
+    pairs, pair = dict(graph.pairs), (STATIC_BODY, HELD_BODY)
+    if (
+        graph.seen.body_id == STATIC_BODY
+        and held.reset_count == graph.bodies[HELD_BODY].reset_count
+    ):
+        pairs.pop(pair, None)
+    return replace(graph, pairs=pairs, is_sighted=True)
 
 
 def _handed_over(graph: JointGraphState, bodies: Mapping[int, BodyMotion]) -> JointGraphState:
@@ -367,9 +383,8 @@ def update_graph(
     for pair in sorted({*possible, *graph.pairs}):
         measured = present if pair[0] == graph.seen.body_id else described
         if pair in scheduled and pair[1] in measured:
-            state = _update_pair(
-                pair, graph, measured, filters.of(pair[0], measured[pair[1]], graph.seen), config
-            )
+            of_pair = filters.of(pair[0], measured[pair[1]])
+            state = _update_pair(pair, graph, measured, of_pair, config)
         else:
             state = graph.pairs.get(pair)
             is_followed = set(pair) <= {STATIC_BODY, *followed, *resting}
@@ -395,6 +410,7 @@ def update_graph(
         ticks=graph.ticks + 1,
         seen=graph.seen,
         closed_at=graph.closed_at,
+        is_sighted=graph.is_sighted,
         health=_health(faults, graph, pairs, unseen, config.period),
     )
 

@@ -1,13 +1,14 @@
-"""A detent holds its joint up to a force, and lets it go beyond."""
+"""Friction takes the same of a joint at any mass and speed; a detent lets go beyond its force."""
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from pydrake.math import RigidTransform
+from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from crossmodal.models import SDF_DIR
-from crossmodal.plants.joint_friction import JointFriction
+from crossmodal.plants.joint_friction import Detents
 from crossmodal.plants.scene import (
     ManipulationScene,
     ObjectPlacement,
@@ -29,7 +30,7 @@ def _forces(scene: ManipulationScene, positions: np.ndarray) -> np.ndarray:
     """Of a detent of 12 N on the drawer, at each of its positions [m]."""
     plant = scene.plant
     slide = plant.GetJointByName("slide")
-    detent = JointFriction(plant, np.zeros(plant.num_velocities()), [(slide, 12.0)])
+    detent = Detents(plant, [(slide, 12.0)])
     context, state = detent.CreateDefaultContext(), np.zeros(plant.num_multibody_states())
     found = []
     for x in positions:
@@ -53,3 +54,34 @@ def test_it_holds_most_by_its_force_and_pulls_back_to_where_the_joint_was(
 
 def test_it_lets_go_a_centimetre_away(scene: ManipulationScene) -> None:
     assert abs(_forces(scene, np.array([0.01]))[0]) < 0.02
+
+
+@pytest.mark.parametrize("friction", [0.5, 6.0, 60.0])
+@pytest.mark.parametrize("beyond", [-0.3, 0.0, 4.0])
+def test_a_drawer_feels_all_of_its_friction_however_large_it_is(
+    friction: float, beyond: float
+) -> None:
+    """A force of F + x [N] accelerates m v' = x - b v; one that F can hold moves nothing.
+
+    A friction of 60 N that is applied after the velocity before each step of 6 ms would be felt by
+    a third, since the drawer weighs 2.5 kg.
+    """
+    builder = DiagramBuilder()
+    placed = ObjectPlacement(
+        model=SDF_DIR / "chest_drawer.sdf", X_WO=RigidTransform([0.9, 0.0, 0.86]), friction=friction
+    )
+    scene = add_manipulation_scene(builder, PlantConfig(), {"object": placed}, [("arm", "hand")])
+    plant, slide = scene.plant, scene.plant.GetJointByName("slide")
+    simulator = Simulator(builder.Build())
+    context = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
+    for robot in map(scene.model, ("arm", "hand")):
+        none = np.zeros(plant.num_actuated_dofs(robot))
+        plant.get_actuation_input_port(robot).FixValue(context, none)
+    pull = np.zeros(plant.num_velocities())
+    pull[slide.velocity_start()] = friction + beyond
+    plant.get_applied_generalized_force_input_port().FixValue(context, pull)
+    simulator.AdvanceTo(0.12)
+    mass = plant.GetBodyByName("drawer").default_spatial_inertia().get_mass()
+    damping = slide.default_damping()
+    expected = max(beyond, 0.0) / damping * (1.0 - np.exp(-damping / mass * 0.12))
+    assert_allclose(slide.get_translation_rate(context), expected, rtol=0.02, atol=1.1e-4)

@@ -11,7 +11,6 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
 
 from crossmodal.models import SDF_DIR
-from crossmodal.plants.joint_friction import JointFriction
 from crossmodal.plants.robots.arm_with_hand import add_robot, hand_load, make_arm_with_load
 from crossmodal.plants.robots.wam import ARM_JOINTS, WAM_WITH_SOFT_HAND
 from crossmodal.plants.scene import (
@@ -105,21 +104,6 @@ def test_the_hand_faces_the_object_with_its_fingers_along_the_bar() -> None:
     X_WE = facing(RigidTransform())
     assert_allclose(X_WE.rotation().col(2), [-1, 0, 0])
     assert_allclose(X_WE.rotation().col(1), [0, 1, 0])
-
-
-def test_friction_acts_on_the_object_alone_and_against_its_motion() -> None:
-    scene = make_scene(friction=5.0)
-    plant = scene.plant
-    slide = plant.GetJointByName("slide").velocity_start()
-    assert np.flatnonzero(scene.friction).tolist() == [slide]
-    system = JointFriction(plant, scene.applied_friction)
-    context = system.CreateDefaultContext()
-    state = np.zeros(plant.num_multibody_states())
-    state[plant.num_positions() + slide] = 0.1
-    system.get_input_port().FixValue(context, state)
-    forces = system.get_output_port().Eval(context)
-    assert_allclose(forces[slide], -5.0, rtol=1e-3)
-    assert np.count_nonzero(forces) == 1
 
 
 def test_an_unknown_texture_lists_the_known_ones() -> None:

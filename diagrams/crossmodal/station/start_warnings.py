@@ -12,7 +12,6 @@ from crossmodal.diagrams.crossmodal.robot_config import ARM, HAND
 from crossmodal.diagrams.crossmodal.scenario import Scenario
 from crossmodal.diagrams.crossmodal.station.station import ManipulationStation
 from crossmodal.maths.arrays import Array
-from crossmodal.plants.joint_friction import JointFriction
 from crossmodal.plants.scene import ManipulationScene, ObjectPlacement, add_manipulation_scene
 
 _DEEPEST_OVERLAP = 0.005  # [m]
@@ -66,9 +65,6 @@ def settling(
     plant.GetJointByName(thing.joint, scene.objects[name]).set_default_positions(
         [thing.initial_position]
     )
-    friction = builder.AddSystem(JointFriction(plant, scene.applied_friction))
-    builder.Connect(plant.get_state_output_port(), friction.get_input_port())
-    builder.Connect(friction.get_output_port(), plant.get_applied_generalized_force_input_port())
     simulator = Simulator(builder.Build())
     context = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
     plant.SetPositions(context, scene.model(ARM), q_start)

@@ -25,7 +25,7 @@ from crossmodal.diagrams.stations.task_status import add_task_status
 from crossmodal.diagrams.stations.true_pose import add_true_pose
 from crossmodal.maths.arrays import Array
 from crossmodal.plants.external_forces import ExternalForces
-from crossmodal.plants.joint_friction import JointFriction
+from crossmodal.plants.joint_friction import Detents
 from crossmodal.plants.robots.arm_with_hand import make_arm_with_load
 from crossmodal.plants.robots.wam import WAM_WITH_SOFT_HAND
 from crossmodal.plants.scene import (
@@ -171,15 +171,11 @@ def _add_object_mechanics(wiring: StationWiring, joint: Joint) -> None:
         for name, thing in wiring.scenario.objects.items()
         if thing.detent > 0.0
     ]
-    friction = JointFriction(plant, scene.applied_friction, detents)
-    builder.AddNamedSystem("joint_friction", friction)
-    builder.Connect(plant.get_state_output_port(), friction.get_input_port())
-    builder.Connect(friction.get_output_port(), plant.get_applied_generalized_force_input_port())
-    v = joint.velocity_start()
-    taken, detent = float(scene.friction[v]), wiring.scenario.object.detent
-    # Applied friction is next to nothing where a joint stands, so that the detent holds all alone.
-    beyond = max(detent - float(scene.applied_friction[v]), 0.0)
-    truth = ObjectTruth(plant, joint, taken, beyond)
+    holding = builder.AddNamedSystem("detents", Detents(plant, detents))
+    builder.Connect(plant.get_state_output_port(), holding.get_input_port())
+    builder.Connect(holding.get_output_port(), plant.get_applied_generalized_force_input_port())
+    friction = float(scene.friction[joint.velocity_start()])
+    truth = ObjectTruth(plant, joint, friction, wiring.scenario.object.detent)
     builder.AddNamedSystem("object_truth", truth)
     if wiring.scenario.disturbances.forces:
         forces = ExternalForces(plant, wiring.scenario.disturbances.forces)

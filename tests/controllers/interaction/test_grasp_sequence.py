@@ -224,3 +224,9 @@ def test_exploration_is_compliant_but_in_the_pulling_direction() -> None:
     assert_allclose(np.diag(compliant.stiffness), [0.1] * 5 + [400.0])
     assert_allclose(np.diag(compliant.damping), [1.0] * 5 + [200.0])
     assert_allclose(compliant.mass, np.eye(6))
+
+
+def test_a_hand_that_has_stopped_is_braked_where_it_is_compliant() -> None:
+    stopped = exploration_gains(CONFIG, np.array([0.0, 0.0, -3.0]), has_stopped=True)
+    assert_allclose(np.diag(stopped.stiffness), [0.1] * 5 + [400.0])
+    assert_allclose(np.diag(stopped.damping), [1.0] * 3 + [80.0] * 2 + [200.0])

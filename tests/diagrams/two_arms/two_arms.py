@@ -40,7 +40,6 @@ from crossmodal.diagrams.stations.wiring import StationWiring
 from crossmodal.maths.validation import number, numbers
 from crossmodal.models import SDF_DIR
 from crossmodal.plants.hands.pneumatic_hand import PneumaticHandConfig
-from crossmodal.plants.joint_friction import JointFriction
 from crossmodal.plants.robots.arm_with_hand import add_robot, make_arm_with_load
 from crossmodal.plants.robots.wam import ARM_JOINTS, WAM_WITH_SOFT_HAND
 from crossmodal.plants.scene import (
@@ -157,11 +156,6 @@ def make_station(scenario: TwoArms, calibration: Calibration) -> Station:
         {f"{side}_arm": X_WBase for side, X_WBase in bases.items()},
     )
     plant = scene.plant
-    friction = builder.AddNamedSystem(
-        "joint_friction", JointFriction(plant, scene.applied_friction)
-    )
-    builder.Connect(plant.get_state_output_port(), friction.get_input_port())
-    builder.Connect(friction.get_output_port(), plant.get_applied_generalized_force_input_port())
     wiring = StationWiring(builder=builder, scene=scene, scenario=scenario, calibration=calibration)
     encoders = {side: add_side(wiring, scenario, X_WBase, side) for side, X_WBase in bases.items()}
     carrier = CameraCarrier(

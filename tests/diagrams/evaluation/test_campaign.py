@@ -1,5 +1,6 @@
 import json
 import sys
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -88,14 +89,41 @@ def test_finished_episodes_are_read_back_and_the_others_run_again(fake_worker: P
     assert len(again.summaries) == 3
 
 
-@pytest.mark.parametrize("name", ["summary.json", "estimates.parquet", "scenario.yaml"])
-def test_an_episode_that_is_not_whole_runs_again(fake_worker: Path, name: str) -> None:
+def _garbled(data: bytes) -> bytes:
+    third = len(data) // 3
+    return (
+        data[:third] + bytes(255 - byte for byte in data[third : third + 40]) + data[third + 40 :]
+    )
+
+
+@pytest.mark.parametrize("name", ["summary.json", "estimates.parquet", "scenario.yaml", "log.txt"])
+@pytest.mark.parametrize(
+    "damage",
+    [
+        pytest.param(None, id="lost"),
+        pytest.param(lambda data: b"", id="empty"),
+        pytest.param(lambda data: data[: len(data) // 2], id="cut"),
+        pytest.param(lambda data: bytes(len(data)), id="zeros"),
+        pytest.param(_garbled, id="garbled"),
+    ],
+)
+def test_an_episode_that_is_not_whole_runs_again_wherever_the_folder_is(
+    fake_worker: Path, tmp_path: Path, name: str, damage: Callable[[bytes], bytes] | None
+) -> None:
     assert run(campaign(fake_worker, [2, 4]), Workers())
-    (episode_folder(fake_worker, 2) / name).unlink()
-    again = campaign(fake_worker, [2, 4])
-    assert [summary["seed"] for summary in again.summaries] == [4]
+    moved = tmp_path / "elsewhere"
+    fake_worker.rename(moved)
+    path = episode_folder(moved, 2) / name
+    if damage is None:
+        path.unlink()
+    else:
+        path.write_bytes(damage(path.read_bytes()))
+    again = campaign(moved, [2, 4])
+    whole = name == "log.txt"
+    assert [summary["seed"] for summary in again.summaries] == ([2, 4] if whole else [4])
     assert run(again, Workers())
-    assert runs(fake_worker) == [2, 2, 4]
+    assert runs(moved) == ([2, 4] if whole else [2, 2, 4])
+    assert len(campaign(moved, [2, 4]).summaries) == 2
 
 
 def test_force_starts_afresh(fake_worker: Path) -> None:

@@ -2,7 +2,8 @@
 
 The names below are imported when they are first used, so that `import crossmodal` costs nothing.
 
-- `JointFilters`, `JointFiltersConfig`: the joints between moving bodies, from poses of any tracker.
+- `joints`: the joint of a body from poses of any tracker, in one call; `JointFilters` and
+  `JointFiltersConfig` take one pose after the other.
 - `estimate_pose`: where a known object is, from a cloud and contact points.
 - `load_scenario`, `run_episode`, `replay`, `read_run`: episodes, and what they leave.
 - `Application`, `Scenario`, `Station`: what an application of one's own is made of.

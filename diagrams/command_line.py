@@ -14,6 +14,7 @@ from crossmodal.diagrams.commands import (
     diagram,
     evaluate,
     inspect,
+    joints,
     list_names,
     pose,
     replay,
@@ -70,6 +71,7 @@ train_app.command("segmentation", epilog=train.SEGMENTATION_EXAMPLES)(
 train_app.command("grasp", epilog=train.GRASP_EXAMPLES)(train.train_grasp_command)
 app.add_typer(train_app, name="train")
 app.command("pose", epilog=pose.EXAMPLES)(pose.pose_command)
+app.command("joints", epilog=joints.EXAMPLES)(joints.joints_command)
 app.command("diagram", epilog=diagram.EXAMPLES)(diagram.diagram_command)
 
 

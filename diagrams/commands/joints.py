@@ -1,0 +1,110 @@
+"""`crossmodal joints`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from crossmodal.diagrams.commands.endings import one_line_errors
+
+EXAMPLES = (
+    "Examples:  crossmodal joints door.csv --to urdf   |   crossmodal joints first.tum second.tum"
+    "   |   crossmodal joints lid.csv --parent box.csv --deviations 1,0.002"
+)
+
+
+def joints_command(
+    files: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="FILE...",
+            help="Poses of one body: CSV with a header, or TUM (t x y z qx qy qz qw). Several files"
+            " are repeats of the same motion.",
+        ),
+    ],
+    parent: Annotated[
+        Path | None,
+        typer.Option(help="Poses of what it is joined to, in the same frame. [default: it rests]"),
+    ] = None,
+    deviations: Annotated[
+        str,
+        typer.Option(
+            metavar="DEG,M", help="Of rotation and position, 1 sigma. [default: from the poses]"
+        ),
+    ] = "",
+    columns: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME=COLUMN,...",
+            help="Where a CSV names them otherwise: time, x, y, z, qx, qy, qz, qw.",
+        ),
+    ] = "",
+    rate: Annotated[
+        float | None, typer.Option(help="Of the poses, where the file has no times, [Hz].")
+    ] = None,
+    scale: Annotated[float, typer.Option(help="Metres per unit of the positions.")] = 1.0,
+    to: Annotated[str, typer.Option(metavar="urdf|sdf", help="Write the joint as a model.")] = "",
+    out: Annotated[Path | None, typer.Option(help="Folder. [default: runs/joints/FILE]")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace its results.")] = False,
+) -> None:
+    """Find how a body is joined to another one, from poses of any tracker."""
+    with one_line_errors():
+        import numpy as np
+        from tqdm import tqdm
+
+        from crossmodal.diagrams.commands.pose_files import vector_option
+        from crossmodal.diagrams.joints.track_joint import described, write_results
+        from crossmodal.diagrams.run.folder.run_folder import write_text
+        from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
+        from crossmodal.systems.pose_tracks.joint_model import to_sdf, to_urdf
+        from crossmodal.systems.pose_tracks.pose_track import relative_track, with_given
+        from crossmodal.systems.pose_tracks.repeats import estimate_repeats
+        from crossmodal.systems.pose_tracks.track_files import read_track
+
+        writers = {"": None, "urdf": to_urdf, "sdf": to_sdf}
+        if to not in writers:
+            raise ScenarioError(f"--to = '{to}', need urdf or sdf")
+        if parent is not None and len(files) > 1:
+            raise ScenarioError("--parent: goes with one file of poses")
+        folder = out or Path("runs/joints") / files[0].stem
+        if (folder / "joint.yaml").exists() and not force:
+            raise ScenarioError(f"{folder}: has results; replace them with --force, or name --out")
+        named = _named(columns)
+        given = None
+        if deviations:
+            given = vector_option("--deviations", deviations, 2) * [np.deg2rad(1.0), 1.0]
+        try:
+            tracks = [read_track(f, columns=named, rate=rate, scale=scale) for f in files]
+            if given is not None:
+                tracks = [with_given(track, given) for track in tracks]
+            if parent is not None:
+                of_parent = read_track(parent, columns=named, rate=rate, scale=scale)
+                if given is not None:
+                    of_parent = with_given(of_parent, given)
+                tracks = [relative_track(of_parent, tracks[0])]
+            found = estimate_repeats(
+                tracks, progress=lambda poses: tqdm(poses, "poses", leave=False, disable=None)
+            )
+            writer = writers[to]
+            model = writer(found, _identifier(files[0].stem)) if writer is not None else ""
+        except ValueError as error:
+            raise ScenarioError(str(error)) from None
+        typer.echo("\n".join(described(found)))
+        paths = write_results(found, folder, files[0].stem)
+        if model:
+            paths.append(write_text(folder / f"joint.{to}", model))
+        typer.echo("\nFiles:\n" + "\n".join(f"  {path}" for path in paths))
+
+
+def _named(columns: str) -> dict[str, str]:
+    from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
+
+    pairs = [pair.partition("=") for pair in columns.split(",") if pair]
+    if not all(name and equals and column for name, equals, column in pairs):
+        raise ScenarioError(f"--columns = '{columns}', need NAME=COLUMN,...")
+    return {name.strip(): column.strip() for name, _, column in pairs}
+
+
+def _identifier(stem: str) -> str:
+    text = "".join(letter if letter.isascii() and letter.isalnum() else "_" for letter in stem)
+    return text if text[:1].isalpha() else f"object_{text}"

@@ -1,0 +1,1 @@
+"""Joints from recorded poses of any tracker, without a robot, a simulator or Drake."""

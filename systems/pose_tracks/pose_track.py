@@ -1,0 +1,170 @@
+"""Poses over time as a tracker gives them, and how well it measures them."""
+
+import itertools
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation, Slerp
+
+from crossmodal.maths import se3
+from crossmodal.maths.arrays import Array
+from crossmodal.maths.immutable import Immutable
+
+# Least deviations that are estimated: streams without noise are simulated or were smoothed.
+_LEAST = np.repeat([1e-3, 1e-4], 3)  # [rad], [m]
+# Variance of the distance of a measurement from the mean of its two neighbours, by that of one.
+_SECOND_DIFFERENCE = 1.5
+_MEDIAN_OF_TWO = 2.0 * np.log(2.0)  # Median of the sum of two squared standard normal variables.
+
+
+@dataclass(frozen=True, kw_only=True)
+class PoseTrack(Immutable):
+    """Poses X_AB of a body B in a frame A.
+
+    Attributes:
+        times: (N,), [s], in any order; a clock that jumps is found by the joint filters.
+        X_AB: (N, 4, 4), [m]. NaN where a pose is missing; the rotation is any where none is
+            measured.
+        deviations: (N, 6) standard deviations in B, rotation [rad] before translation [m]; infinite
+            where nothing is measured. NaN where they are not known.
+    """
+
+    times: Array
+    X_AB: Array
+    deviations: Array
+
+    @property
+    def has_rotations(self) -> bool:
+        """Whether any rotation was measured."""
+        return not bool(np.isinf(self.deviations[:, :3]).all())
+
+
+def pose_track(times: Array, poses: Array, deviations: Array | None = None) -> PoseTrack:
+    """A track from arrays.
+
+    Args:
+        times: (N,), [s].
+        poses: (N, 4, 4) matrices, (N, 7) positions with quaternions (x, y, z, qx, qy, qz, qw), or
+            (N, 3) positions alone, [m].
+        deviations: Of each pose (N, 6), or of all: (6,), or (2,) for rotation [rad] and translation
+            [m]. Estimated from the track if None.
+
+    Raises:
+        ValueError: for arrays of other shapes, and for deviations that are not positive.
+    """
+    times, poses = np.asarray(times, dtype=float), np.asarray(poses, dtype=float)
+    count = len(times) if times.ndim == 1 else -1
+    shapes = {(count, 4, 4): True, (count, 7): True, (count, 3): False}
+    if poses.shape not in shapes or not count:
+        raise ValueError(
+            f"poses have shape {poses.shape} and times {times.shape}; need times (N,) and poses"
+            " (N, 4, 4), (N, 7) with quaternions qx, qy, qz, qw, or positions (N, 3)"
+        )
+    has_rotations = shapes[poses.shape]
+    X_AB = poses.copy() if poses.ndim == 3 else _matrices(poses)
+    sigma = np.full((count, 6), np.nan)
+    if deviations is not None:
+        given = np.asarray(deviations, dtype=float)
+        if given.shape == (2,):
+            given = np.repeat(given, 3)
+        if given.shape not in ((6,), (count, 6)):
+            raise ValueError(
+                f"deviations have shape {given.shape}; need (2,), (6,) or ({count}, 6),"
+                " rotation [rad] before translation [m]"
+            )
+        if not (given > 0.0).all():
+            raise ValueError("deviations need to be above zero; rotation [rad], translation [m]")
+        sigma[:] = given
+    if not has_rotations:
+        sigma[:, :3] = np.inf
+    return PoseTrack(times=times, X_AB=X_AB, deviations=sigma)
+
+
+def _matrices(poses: Array) -> Array:
+    """(N, 4, 4) of positions (N, 3), or of positions with quaternions (N, 7)."""
+    X = np.tile(np.eye(4), (len(poses), 1, 1))
+    X[:, :3, 3] = poses[:, :3]
+    if poses.shape[1] == 7:
+        norm = np.linalg.norm(poses[:, 3:], axis=1)
+        known = np.isfinite(poses).all(axis=1) & (np.abs(norm - 1.0) < 0.1)
+        X[~known] = np.nan
+        if known.any():
+            X[known, :3, :3] = Rotation.from_quat(poses[known, 3:]).as_matrix()
+    return X
+
+
+def with_given(track: PoseTrack, deviations: Array) -> PoseTrack:
+    """The track with the same deviations (2,) of all poses, rotation [rad] and translation [m].
+
+    Raises:
+        ValueError: for deviations that are not positive.
+    """
+    poses = track.X_AB if track.has_rotations else track.X_AB[:, :3, 3]
+    return pose_track(track.times, poses, deviations)
+
+
+def with_deviations(track: PoseTrack) -> PoseTrack:
+    """The track with its unknown deviations estimated from how much neighbours differ.
+
+    A pose is compared with the mean of its two neighbours, across the way from one to the other:
+    along it they differ by how the body speeds up. The median leaves outliers out.
+    """
+    unknown = np.isnan(track.deviations)
+    if not unknown.any():
+        return track
+    X = track.X_AB[np.isfinite(track.X_AB).all(axis=(1, 2))]
+    sigma = np.zeros(6)
+    if len(X) >= 3:
+        before = [se3.log(se3.inverse(b) @ a) for a, b in itertools.pairwise(X)][:-1]
+        after = [se3.log(se3.inverse(b) @ c) for b, c in itertools.pairwise(X)][1:]
+        sigma = np.repeat([_across(np.array(before), np.array(after), n) for n in (0, 3)], 3)
+    sigma = np.maximum(sigma, _LEAST)
+    return replace(track, deviations=np.where(unknown, sigma, track.deviations))
+
+
+def _across(before: Array, after: Array, first: int) -> float:
+    """Standard deviation of one component, by both neighbours' displacements (N, 6) from a pose."""
+    part = slice(first, first + 3)
+    error = 0.5 * (before + after)[:, part]
+    way = (after - before)[:, part]
+    length = np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-12)
+    across = error - way / length * np.sum(error * way / length, axis=1, keepdims=True)
+    squared = float(np.median(np.sum(across**2, axis=1)))
+    return float(np.sqrt(squared / (_SECOND_DIFFERENCE * _MEDIAN_OF_TWO)))
+
+
+def relative_track(parent: PoseTrack, child: PoseTrack) -> PoseTrack:
+    """X_PB of a child B in a parent P that moves too, at the child's times; both are given in A.
+
+    The parent's pose is interpolated. Its errors move the child with their lever, so that the
+    result's deviations are larger.
+
+    Raises:
+        ValueError: for a parent without rotations, or one that was not measured while the child
+            was.
+    """
+    if not parent.has_rotations:
+        raise ValueError("the parent's track has no rotations, which its frame needs")
+    parent, child = with_deviations(parent), with_deviations(child)
+    known = np.isfinite(parent.X_AB).all(axis=(1, 2))
+    times, first = np.unique(parent.times[known], return_index=True)
+    inside = (child.times >= times[0]) & (child.times <= times[-1]) if len(times) else np.zeros(0)
+    if len(times) < 2 or not inside.any():
+        raise ValueError("the parent's track and the child's have no time in common")
+    X_AP = np.tile(np.eye(4), (int(inside.sum()), 1, 1))
+    at = child.times[inside]
+    poses = parent.X_AB[known][first]
+    X_AP[:, :3, :3] = Slerp(times, Rotation.from_matrix(poses[:, :3, :3]))(at).as_matrix()
+    for axis in range(3):
+        X_AP[:, axis, 3] = np.interp(at, times, poses[:, axis, 3])
+    X_PB = np.array([se3.inverse(P) @ B for P, B in zip(X_AP, child.X_AB[inside], strict=True)])
+    of_parent = np.median(parent.deviations, axis=0)
+    deviations = np.empty((len(at), 6))
+    for k, X in enumerate(X_PB):
+        if not np.isfinite(X).all():
+            deviations[k] = child.deviations[inside][k]
+            continue
+        Ad = se3.adjoint(se3.inverse(X))
+        added = np.sqrt(np.diag(Ad @ np.diag(of_parent**2) @ Ad.T))
+        deviations[k] = np.hypot(child.deviations[inside][k], added)
+    return PoseTrack(times=at, X_AB=X_PB, deviations=deviations)

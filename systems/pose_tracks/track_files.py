@@ -1,0 +1,197 @@
+"""Tracks in files: CSV with a header, TUM trajectories, and plain columns of numbers."""
+
+import csv
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from crossmodal.maths.arrays import Array
+from crossmodal.systems.pose_tracks.pose_track import PoseTrack, pose_track
+
+# What columns are called, the last part of their names, in lower case and without underscores.
+_NAMES = {
+    "time": ("time", "t", "timestamp", "stamp", "secs", "sec", "seconds"),
+    "x": ("x", "px", "tx", "posx", "positionx", "translationx"),
+    "y": ("y", "py", "ty", "posy", "positiony", "translationy"),
+    "z": ("z", "pz", "tz", "posz", "positionz", "translationz"),
+    "qx": ("qx", "rotx", "quatx", "orientationx", "rotationx"),
+    "qy": ("qy", "roty", "quaty", "orientationy", "rotationy"),
+    "qz": ("qz", "rotz", "quatz", "orientationz", "rotationz"),
+    "qw": ("qw", "rotw", "quatw", "orientationw", "rotationw", "w"),
+}
+# Parts of names of what is no position, although it ends like one.
+_NO_POSITION = {
+    *("orientation", "rotation", "rot", "quat", "q", "velocity", "vel", "v", "linear", "angular"),
+    *("acceleration", "acc", "a", "twist", "force", "torque", "covariance", "cov"),
+}
+_FRACTION = ("nsecs", "nsec", "nanosec", "nanosecs", "nanoseconds")  # Beside a column of seconds.
+_POSITION, _QUATERNION = ("x", "y", "z"), ("qx", "qy", "qz", "qw")
+# Seconds since 1970 are about 1.7e9; stamps that are a thousand times as large are milliseconds.
+_UNITS = ((1e17, 1e-9), (1e14, 1e-6), (1e11, 1e-3))
+_LARGEST_FILE = 500_000_000  # [bytes]
+
+
+def read_track(
+    path: Path,
+    *,
+    columns: Mapping[str, str] | None = None,
+    rate: float | None = None,
+    scale: float = 1.0,
+) -> PoseTrack:
+    """The poses of a file.
+
+    - A CSV file with a header: columns of time, position and quaternion are found by their names,
+      such as `t`, `x`, `qw` or `field.pose.position.x`.
+    - A TUM trajectory: `t x y z qx qy qz qw`, without a header.
+    - Columns of numbers `t x y z`, or, with a rate, `x y z` or `x y z qx qy qz qw`.
+
+    Stamps in milli-, micro- or nanoseconds since 1970 are recognised.
+
+    Args:
+        path: Text file; columns are separated by commas, semicolons or blanks, `#` begins a
+            comment.
+        columns: Names of columns by `time`, `x`, `y`, `z`, `qx`, `qy`, `qz`, `qw`, where they are
+            not found.
+        rate: Of the poses, where the file has no times, [Hz].
+        scale: Metres per unit of the positions; 0.001 for millimetres.
+
+    Raises:
+        ValueError: for a file that is none of these, in one line that names it.
+        OSError: where it cannot be read.
+    """
+    if not path.is_file():
+        raise ValueError(f"{path}: is not a file")
+    if path.stat().st_size > _LARGEST_FILE:
+        raise ValueError(f"{path}: is larger than {_LARGEST_FILE / 1e6:.0f} MB")
+    try:
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+    except UnicodeDecodeError:
+        raise ValueError(f"{path}: is no text; tracks are CSV or TUM files") from None
+    rows = [line.split("#", 1)[0] for line in lines]
+    rows = [row for row in rows if row.strip()]
+    if not rows:
+        raise ValueError(f"{path}: has no poses")
+    if rate is not None and not (np.isfinite(rate) and rate > 0.0):
+        raise ValueError(f"rate = {rate:g} Hz, need above 0")
+    if not (np.isfinite(scale) and scale > 0.0):
+        raise ValueError(f"scale = {scale:g}, need above 0")
+    separator = next((mark for mark in ",;\t" if mark in rows[0]), None)
+    cells = [_split(row, separator) for row in rows]
+    header = cells[0] if not _are_numbers(cells[0]) else None
+    table = _numbers(path, cells[1:] if header else cells, lines)
+    if header is None and columns:
+        raise ValueError(f"{path}: has no header, so that columns cannot be named")
+    if header:
+        found = _by_name(path, header, columns or {})
+        data = {name: table[:, index] for name, index in found.items()}
+        rotations = all(name in data for name in _QUATERNION)
+        times = data.get("time")
+        fraction = next(
+            (i for i, name in enumerate(header) if name.lower().endswith(_FRACTION)), None
+        )
+        if times is not None and fraction not in (None, found["time"]):
+            times = times + 1e-9 * table[:, fraction]
+        names = (*_POSITION, *_QUATERNION) if rotations else _POSITION
+        poses = np.column_stack([data[name] for name in names])
+    else:
+        times, poses = _by_count(path, table, rate)
+    if times is None:
+        if rate is None:
+            raise ValueError(f"{path}: has no column of times; name it, or give the rate")
+        times = np.arange(len(poses)) / rate
+    poses[:, :3] *= scale
+    return pose_track(_seconds(times), poses)
+
+
+def _split(row: str, separator: str | None) -> list[str]:
+    if separator is None:
+        return row.split()
+    return [cell.strip() for cell in next(csv.reader([row], delimiter=separator))]
+
+
+def _are_numbers(cells: Sequence[str]) -> bool:
+    try:
+        [float(cell) for cell in cells if cell]
+    except ValueError:
+        return False
+    return any(cells)
+
+
+def _numbers(path: Path, rows: Sequence[Sequence[str]], lines: Sequence[str]) -> Array:
+    """The table (N, columns); cells without a number are NaN.
+
+    Raises:
+        ValueError: where rows have different lengths, or no row has a number.
+    """
+    if not rows:
+        raise ValueError(f"{path}: has a header and no poses")
+    width = len(rows[0])
+    table = np.full((len(rows), width), np.nan)
+    for k, row in enumerate(rows):
+        if len(row) != width:
+            raise ValueError(
+                f"{path}: row {k + 1} of {len(rows)} has {len(row)} columns, others have {width}"
+            )
+        for column, cell in enumerate(row):
+            try:
+                table[k, column] = float(cell)
+            except ValueError:
+                continue
+    if not np.isfinite(table).any():
+        raise ValueError(f"{path}: has no numbers")
+    return table
+
+
+def _by_name(path: Path, header: Sequence[str], given: Mapping[str, str]) -> dict[str, int]:
+    """Index of each column by what it is."""
+    unknown = sorted(set(given) - set(_NAMES))
+    if unknown:
+        raise ValueError(f"'{unknown[0]}' is no column of a track; there are {', '.join(_NAMES)}")
+    found = {}
+    for name, usual in _NAMES.items():
+        if name in given:
+            if given[name] not in header:
+                raise ValueError(f"{path}: has no column '{given[name]}'; has {', '.join(header)}")
+            found[name] = header.index(given[name])
+            continue
+        for index, column in enumerate(header):
+            parts = [part for part in re.split(r"[^a-z0-9]+", column.lower()) if part]
+            endings = {"".join(parts[-k:]) for k in (1, 2)}
+            if name in _POSITION and _NO_POSITION & set(parts[:-1]):
+                continue
+            if endings & set(usual) and index not in found.values():
+                found[name] = index
+                break
+    missing = [name for name in _POSITION if name not in found]
+    if missing:
+        raise ValueError(
+            f"{path}: no column is {missing[0]}; has {', '.join(header)}. Name them, as in"
+            f" --columns {missing[0]}=NAME"
+        )
+    return found
+
+
+def _by_count(path: Path, table: Array, rate: float | None) -> tuple[Array | None, Array]:
+    """Times and poses of a table without a header."""
+    width = table.shape[1]
+    if rate is not None and width in (3, 7, 9):
+        return None, table[:, : min(width, 7)].copy()
+    if width in (4, 8):
+        return table[:, 0], table[:, 1:].copy()
+    if rate is None and width in (3, 7):
+        raise ValueError(f"{path}: has {width} columns and so no times; give the rate")
+    raise ValueError(
+        f"{path}: has {width} columns and no header; need t x y z qx qy qz qw, t x y z, or with a"
+        " rate x y z or x y z qx qy qz qw"
+    )
+
+
+def _seconds(times: Array) -> Array:
+    """Times in seconds, from the first one on where they are stamps since 1970."""
+    largest = float(np.nanmax(np.abs(times), initial=0.0))
+    unit = next((unit for least, unit in _UNITS if largest > least), 1.0)
+    if unit == 1.0 and largest < 1e8:
+        return times
+    return np.asarray((times - times[np.isfinite(times)][0]) * unit)

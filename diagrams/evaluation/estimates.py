@@ -1,6 +1,7 @@
 """The tidy table of estimates over time, and what an episode comes to by this table alone."""
 
 import math
+import warnings
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import Any
@@ -32,11 +33,15 @@ def scalar(
 
 
 def vector(quantity: str, value: Array, covariance: Array, true: Array) -> list[Row]:
-    """Three rows, of a vector (3,) with its covariance (3, 3) and the true one (3,)."""
+    """A row of each component of a vector (n,) with its covariance (n, n) and the true one (n,).
+
+    Those of a vector of at most three are x, y and z, those of a longer one are numbered from 0.
+    """
     std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    components = _XYZ if len(value) <= len(_XYZ) else tuple(map(str, range(len(value))))
     return [
-        (quantity, component, value[i], std[i], covariance[i].tolist(), true[i])
-        for i, component in enumerate(_XYZ)
+        (quantity, components[i], value[i], std[i], covariance[i].tolist(), true[i])
+        for i in range(len(value))
     ]
 
 
@@ -61,21 +66,28 @@ def estimates_table(rows: Mapping[str, Iterable[tuple[float, Iterable[Row]]]]) -
     return table.astype({"modality": "category", "quantity": "category", "component": "category"})
 
 
+class EvaluationWarning(UserWarning):
+    """What an application leaves out of its evaluation."""
+
+
 def evaluate_rows(
     record: EpisodeRecord,
     rows: Callable[[str, Tick, Tick], Iterable[Row]],
     units: Mapping[str, str],
+    failure: Callable[[EpisodeRecord, pd.DataFrame], str | None] = lambda record, table: None,
 ) -> Results:
     """What an episode comes to by the table of its estimates alone.
 
     For each estimator the summary holds, by quantity and component: `final_error`, `rms_error`, and
     `inside_two_sigma`, the share of the ticks whose error lies within two reported deviations; NaN
-    where the truth, or what is reported, is unknown.
+    where the truth, or what is reported, is unknown. An episode in which an estimator's quantity is
+    never a number has failed.
 
     Args:
         rows: From an estimator's name, its tick and the station's at the same instant to rows of
             the table.
-        units: Of the quantities, in SI.
+        units: Of the quantities, in SI; empty where one has none.
+        failure: From the record and the table to why the task was not done; None if it was.
     """
     table = estimates_table(
         {
@@ -100,12 +112,19 @@ def evaluate_rows(
             "inside_two_sigma": float(found["inside"].mean()),
             "unit": units.get(str(quantity), ""),
         }
+    for quantity in table["quantity"].cat.categories:
+        if quantity not in units:
+            text = f"quantity '{quantity}' has no unit: name it in `units`, '' where there is none"
+            warnings.warn(text, EvaluationWarning, stacklevel=2)
+    known = table.assign(known=np.isfinite(table["estimate"].astype(float)))
+    ever = known.groupby(["modality", "quantity"], observed=True)["known"].any()
+    never = [f"'{quantity}' of '{name}'" for name, quantity in ever.index[~ever]]
     plots = {
         f"{quantity}.png": partial(_draw, table, str(quantity), units.get(str(quantity), ""))
         for quantity in table["quantity"].cat.categories
     }
     return Results(
-        failure=None,
+        failure=f"{never[0]} is never a number" if never else failure(record, table),
         estimates=table,
         summary={"modalities": modalities},
         plots=plots,

@@ -261,11 +261,21 @@ def connect_recorder(
 def connect_latest(
     builder: DiagramBuilder, estimators: Mapping[str, System], reader: System
 ) -> None:
-    """Connects a reader's ports `<estimator>_<port>` with the estimators that have that port."""
+    """Connects a reader's ports `<estimator>_<port>` with the estimators that have that port.
+
+    Raises:
+        ScenarioError: for a port that is not from the state alone.
+    """
     for name, estimator in estimators.items():
         for index in range(estimator.num_output_ports()):
             port = estimator.get_output_port(index)
             if reader.HasInputPort(f"{name}_{port.get_name()}"):
+                if estimator.HasDirectFeedthrough(index):
+                    raise ScenarioError(
+                        f"estimator '{name}': its port '{port.get_name()}' depends on what the"
+                        " sensors give at the instant at which it is read, which is between two"
+                        " ticks; record one that is from the state alone (`_declare_latest`)"
+                    )
                 builder.Connect(port, reader.GetInputPort(f"{name}_{port.get_name()}"))
 
 

@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose
 
 from crossmodal.diagrams.evaluation.estimates import (
     COLUMNS,
+    EvaluationWarning,
     Row,
     error_metrics,
     estimates_table,
@@ -22,7 +23,7 @@ from crossmodal.diagrams.run.folder.run_folder import without_nan
 from crossmodal.diagrams.run.record import EpisodeRecord, EstimatorRecord, Tick
 from crossmodal.diagrams.run.scenario import Scenario
 
-UNITS = {"angle": "rad", "place": "m"}
+UNITS = {"angle": "rad", "place": "m", "count": ""}
 ERRORS = {"left": [0.1, -0.3, 0.1], "right": [0.0, 0.0, 0.2]}
 
 
@@ -127,3 +128,29 @@ def test_metrics_of_the_errors_are_read_from_the_summary() -> None:
     assert metrics["angle_final_error"].unit == "rad"
     assert metrics["angle_inside_two_sigma"].unit == ""
     assert metrics["place_x_rms_error"].value(left) == 0.0
+
+
+def test_an_estimate_that_is_never_a_number_is_no_success() -> None:
+    def lost(estimator: str, tick: Tick, station: Tick) -> list[Row]:
+        return [scalar("angle", np.nan if estimator == "left" else 1.0)]
+
+    assert evaluate_rows(record(), lost, UNITS).failure == "'angle' of 'left' is never a number"
+    assert evaluate_rows(record(), rows, UNITS).failure is None
+
+
+def test_an_application_may_say_why_its_task_was_not_done() -> None:
+    results = evaluate_rows(
+        record(), rows, UNITS, failure=lambda record, table: f"{len(table)} rows"
+    )
+    assert results.failure == f"{len(results.estimates)} rows"
+
+
+def test_a_quantity_without_a_unit_is_named() -> None:
+    with pytest.warns(EvaluationWarning, match="'count' has no unit"):
+        evaluate_rows(record(), rows, {"angle": "rad", "place": "m"})
+
+
+@pytest.mark.parametrize(("size", "names"), [(2, ["x", "y"]), (4, ["0", "1", "2", "3"])])
+def test_vectors_of_any_size_have_a_row_for_each_component(size: int, names: list[str]) -> None:
+    found = vector("place", np.arange(size), np.eye(size), np.zeros(size))
+    assert [row[1] for row in found] == names

@@ -36,7 +36,8 @@ class KalmanFilter(RecursiveFilter):
     def __init__(self, swing, acceleration):
         super().__init__()
         dt, self._R = swing.network_period, swing.noise**2
-        self._A = expm(dt * np.array([[0, 1], [-9.81 / 0.5, -0.4]]))
+        self._F = np.array([[0, 1], [-9.81 / 0.5, -0.4]])
+        self._A = expm(dt * self._F)
         self._Q = acceleration**2 * np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]])
         window = SampleWindow(times=np.zeros(0), values=np.zeros((0, 2)))
         self._window = self._declare_value_input("state_window", window)
@@ -45,9 +46,12 @@ class KalmanFilter(RecursiveFilter):
 
     def _update(self, context, posterior):
         mean, P = self._A @ posterior[0], self._A @ posterior[1] @ self._A.T + self._Q
-        gain = P[:, 0] / (P[0, 0] + self._R)
-        innovation = self._read(self._window, context).values[-1, 0] - mean[0]
-        return mean + gain * innovation, P - np.outer(gain, P[0])
+        window = self._read(self._window, context)
+        # A sample is older than the tick: it measures where the pendulum was then.
+        age = round(context.get_time() - window.times[-1], 6)  # [s]
+        H = expm(-age * self._F)[0]
+        gain = P @ H / (H @ P @ H + self._R)
+        return mean + gain * (window.values[-1, 0] - H @ mean), P - np.outer(gain, H @ P)
 
 
 def make_station(swing, calibration):

@@ -238,3 +238,19 @@ def test_an_estimator_that_reads_the_truth_is_refused_in_one_line(
     assert result.exit_code == 2
     assert "reads 'cheat_state': the truth is not for it" in result.stderr
     assert result.stderr.count("\n") == 1
+
+
+def test_a_port_that_is_not_from_the_state_alone_is_not_recorded(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Read half a tick later, it would be off by the motion meanwhile."""
+    text = FILE.read_text().replace(
+        '_declare_latest("state_latest"', '_declare_estimated("state_latest"'
+    )
+    own = tmp_path / "feedthrough.py"
+    own.write_text(text)
+    shutil.copy(FILE.with_name("swing.yaml"), tmp_path)
+    monkeypatch.setenv(OWN, str(own))
+    result = crossmodal("run", "swing", "--out", tmp_path / "run")
+    assert result.exit_code == 2
+    assert "'stubborn': its port 'state_latest' depends on what the sensors give" in result.stderr

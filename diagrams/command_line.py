@@ -19,6 +19,7 @@ from crossmodal.diagrams.commands import (
     pose,
     replay,
     run,
+    show,
     train,
 )
 from crossmodal.diagrams.commands.endings import BAD_INPUT
@@ -58,6 +59,7 @@ def _options(
 
 
 app.command("list", epilog=list_names.EXAMPLES)(list_names.list_command)
+app.command("show", epilog=show.EXAMPLES)(show.show_command)
 app.command("run", epilog=run.EXAMPLES)(run.run_command)
 app.command("inspect", epilog=inspect.EXAMPLES)(inspect.inspect_command)
 app.command("replay", epilog=replay.EXAMPLES)(replay.replay_command)

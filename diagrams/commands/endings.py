@@ -21,7 +21,7 @@ def one_line_errors() -> Iterator[None]:
     """Ends the command with one line and its exit status where the user's input is at fault."""
     from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line
 
-    logging.getLogger("drake").setLevel(logging.ERROR)  # Its notes are not for a user.
+    logging.getLogger("drake").addFilter(_is_error)  # Its level is set anew by each import.
     try:
         with warnings.catch_warnings():
             warnings.showwarning = _show_warning
@@ -41,6 +41,11 @@ def one_line_errors() -> Iterator[None]:
     except KeyboardInterrupt:
         typer.echo("crossmodal: interrupted; nothing unfinished is kept", err=True)
         raise typer.Exit(INTERRUPTED) from None
+
+
+def _is_error(record: logging.LogRecord) -> bool:
+    """Drake's notes and warnings are not for a user."""
+    return record.levelno >= logging.ERROR
 
 
 def _show_warning(

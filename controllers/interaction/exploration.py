@@ -8,7 +8,7 @@ from pydrake.systems.framework import Context
 
 from crossmodal.controllers.arm.impedance import NO_MOTION, DesiredMotion
 from crossmodal.controllers.arm.kinematics import ArmModel
-from crossmodal.controllers.arm.sequence import Sequence
+from crossmodal.controllers.arm.sequence import Sequence, read
 from crossmodal.controllers.interaction.phases import Phase, is_held
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
@@ -47,6 +47,7 @@ class ExplorationController(Sequence):
     - `joint_state_measured`: (2 n,) positions [rad] and velocities [rad/s].
     - `motion_commanded`: `DesiredMotion` of the `MotionSwitch`, read when exploration begins.
     - `pull_direction`: (3,) unit vector in E.
+    - `speed`: (1,) in the pulling direction, [m/s]; the configured one if not connected.
     - `phase`: (1,) `Phase`; the hand pulls in EXPLORE and wants to stand still in later phases.
 
     Output ports:
@@ -70,6 +71,7 @@ class ExplorationController(Sequence):
             "motion_commanded", Value[object](NO_MOTION)
         )
         self._direction = self.DeclareVectorInputPort("pull_direction", 3)
+        self._speed = self.DeclareVectorInputPort("speed", 1)
         self._phase = self.DeclareVectorInputPort("phase", 1)
         self._declare_state(NO_MOTION, config.period)
         self._declare_value("motion_desired", NO_MOTION, self._state, self._on_state)
@@ -84,7 +86,7 @@ class ExplorationController(Sequence):
         arm, direction = self._arm_state(context), np.asarray(self._direction.Eval(context))
         wanted = np.zeros(6)
         if phase == Phase.EXPLORE:
-            wanted[3:] = self._config.speed * direction
+            wanted[3:] = float(read(self._speed, context, self._config.speed)[0]) * direction
         along_pull = np.zeros((6, 6))
         along_pull[3:, 3:] = np.outer(direction, direction)
         error = along_pull @ se3.log(se3.inverse(arm.X_WE) @ last.X_WE)

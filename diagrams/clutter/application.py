@@ -25,6 +25,7 @@ from crossmodal.diagrams.clutter.station.station import close_loop, make_station
 from crossmodal.diagrams.run.application import Application
 from crossmodal.diagrams.run.experiment import Column, Experiment
 from crossmodal.diagrams.run.record import Quantity
+from crossmodal.diagrams.stations.camera_controls import camera_controls
 from crossmodal.plants.goods.clutter_density import NO_DENSITY
 from crossmodal.systems.port_values import (
     NO_GRAPH,
@@ -70,6 +71,7 @@ APPLICATION = Application(
     ],
     evaluate=evaluate,
     view=add_view,
+    controls=lambda scenario: camera_controls(scenario.cameras),
     labels=LABELS,
     colors=COLORS,
     metrics=[*metrics(), *declutter_metrics()],

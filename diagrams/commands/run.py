@@ -1,5 +1,7 @@
 """`crossmodal run`."""
 
+import select
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -34,11 +36,18 @@ def run_command(
     ] = None,
     force: ForceOption = False,
     meshcat: Annotated[
-        bool, typer.Option("--meshcat", help="Print an address where it can be watched live.")
+        bool, typer.Option("--meshcat", help="Watch it live: a page with controls, which stays.")
     ] = False,
     host: Annotated[
         str, typer.Option(help="Interface that Meshcat listens on; '*' for all of them.")
     ] = "localhost",
+    port: Annotated[
+        int | None,
+        typer.Option(min=1, max=65535, help="Of Meshcat's page. [default: a free one from 7000]"),
+    ] = None,
+    close: Annotated[
+        bool, typer.Option("--close", help="With --meshcat: end when the episode does.")
+    ] = False,
     own_object: Annotated[
         Path | None,
         typer.Option(
@@ -102,15 +111,37 @@ def run_command(
         }
         assignments[:0] = _own_object(scenario, assignments, own_object, scale, about_object)
         application, chosen = load_scenario(scenario, assignments)
-        numbered = out is None and not force
-        with opened(out or default_folder(chosen), force=force, numbered=numbered) as folder:
-            viewer = _start_meshcat(host, announce=meshcat) if meshcat or recording else None
-            sensors_file = folder / SENSORS_FILE if record_sensors else None
-            record = _simulate(application, chosen, viewer, sensors_file)
-            if not recording:
-                record = replace(record, meshcat_html=None)
-            status = write_and_report(folder, application, record)
+        viewer = _start_meshcat(host, port, announce=meshcat) if meshcat or recording else None
+        goes_on = True
+        while goes_on:
+            numbered = out is None and not force
+            with opened(out or default_folder(chosen), force=force, numbered=numbered) as folder:
+                sensors_file = folder / SENSORS_FILE if record_sensors else None
+                record = _simulate(application, chosen, viewer, sensors_file, is_live=meshcat)
+                if not recording:
+                    record = replace(record, meshcat_html=None)
+                status = write_and_report(folder, application, record)
+            goes_on = meshcat and (record.wants_next or (not close and _stays(viewer)))
+            if goes_on:
+                assignments.append(f"seed={chosen.seed + 1}")
+                _, chosen = load_scenario(scenario, assignments)
+                out = None if out is None else out.with_name(f"{folder.name}-seed{chosen.seed}")
     raise typer.Exit(status)
+
+
+def _stays(viewer: Any) -> bool:
+    """Keeps the page until Enter or Ctrl-C; returns whether it asks for the next seed."""
+    from crossmodal.diagrams.run.live.session import stay
+
+    typer.echo(
+        f"\nThe page stays at {viewer.web_url()} until Enter or Ctrl-C (--close ends at once)."
+    )
+
+    def is_over() -> bool:
+        ready, _, _ = select.select([sys.stdin], [], [], 0.0)
+        return bool(ready)  # A line, or the end of what nobody types into.
+
+    return stay(viewer, is_over)
 
 
 def _own_object(
@@ -132,7 +163,12 @@ def _own_object(
 
 
 def _simulate(
-    application: "Application", scenario: "Scenario", viewer: Any, sensors_file: Path | None
+    application: "Application",
+    scenario: "Scenario",
+    viewer: Any,
+    sensors_file: Path | None,
+    *,
+    is_live: bool,
 ) -> "EpisodeRecord":
     from tqdm import tqdm
 
@@ -157,23 +193,27 @@ def _simulate(
             bar.update(max(0.0, min(time, scenario.duration) - bar.n))
 
         record = run_episode(
-            application, scenario, meshcat=viewer, progress=progress, sensors_file=sensors_file
+            application,
+            scenario,
+            meshcat=viewer,
+            progress=progress,
+            sensors_file=sensors_file,
+            is_live=is_live,
         )
         bar.total = bar.n  # An episode may end before its time is over.
         bar.refresh()
     return record
 
 
-def _start_meshcat(host: str, *, announce: bool) -> Any:
+def _start_meshcat(host: str, port: int | None, *, announce: bool) -> Any:
     from crossmodal.diagrams.drawing.meshcat import start_meshcat
     from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line
 
     try:
-        meshcat = start_meshcat(host)
+        meshcat = start_meshcat(host, port)
     except RuntimeError as error:
-        raise ScenarioError(
-            f"--host {host}: Meshcat cannot listen there: {one_line(error)}"
-        ) from None
+        where = f"--host {host}" if port is None else f"--host {host} --port {port}"
+        raise ScenarioError(f"{where}: Meshcat cannot listen there: {one_line(error)}") from None
     if announce:
         typer.echo(f"Watch it at {meshcat.web_url()}")
     return meshcat

@@ -10,6 +10,7 @@ from crossmodal.diagrams.crossmodal.episode_parts import (
     TOPICS,
     close_loop,
     make_calibration,
+    make_controls,
     make_estimators,
     make_station,
 )
@@ -46,6 +47,7 @@ APPLICATION = Application(
     evaluate=evaluate,
     task_in_words=task_in_words,
     view=add_view,
+    controls=make_controls,
     own_object=own_object_assignments,
     keep_files=keep_files,
     labels=LABELS,

@@ -14,14 +14,18 @@ ROOT = "/perception"  # Of what is believed.
 _SCENE = "/drake/visualizer"  # Of what Drake's `MeshcatVisualizer` shows.
 
 
-def start_meshcat(host: str = "localhost") -> Meshcat:
+def start_meshcat(host: str = "localhost", port: int | None = None) -> Meshcat:
     """A Meshcat server that only this machine can reach unless `host` says otherwise.
+
+    Args:
+        host: Interface that it listens on.
+        port: Of its page; the first free one from 7000 on if None.
 
     Raises:
         RuntimeError: where it cannot listen there.
     """
     _check_host(host)
-    meshcat = Meshcat(MeshcatParams(host=host))
+    meshcat = Meshcat(MeshcatParams(host=host, port=port))
     for path in ("/Grid", "/Axes"):
         meshcat.SetProperty(path, "visible", False)
     return meshcat

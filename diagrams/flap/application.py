@@ -23,6 +23,7 @@ from crossmodal.diagrams.flap.results.task import task_in_words
 from crossmodal.diagrams.flap.scenario import SCENARIO_FOLDER, Scenario, resolve
 from crossmodal.diagrams.flap.station.station import make_flap_station
 from crossmodal.diagrams.run.application import Application
+from crossmodal.diagrams.stations.camera_controls import camera_controls
 
 APPLICATION = Application(
     name="flap",
@@ -41,6 +42,7 @@ APPLICATION = Application(
     evaluate=evaluate,
     task_in_words=task_in_words,
     view=add_view,
+    controls=lambda scenario: camera_controls(scenario.cameras),
     own_object=own_tool_assignments,
     keep_files=keep_files,
     labels=LABELS,

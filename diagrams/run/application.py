@@ -14,6 +14,7 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
 
 from crossmodal.diagrams.run.calibration import Calibration
 from crossmodal.diagrams.run.experiment import CampaignPlot, Column, Experiment, Metric
+from crossmodal.diagrams.run.live.controls import Control
 from crossmodal.diagrams.run.own_object import OwnObject
 from crossmodal.diagrams.run.record import EpisodeRecord, Event, Quantity
 from crossmodal.diagrams.run.scenario import Scenario
@@ -104,6 +105,7 @@ class Application:
         evaluate: From what was recorded to what is shown of it.
         close_loop: Lets the station act by what its estimators say: connects them.
         view: Adds systems that draw into Meshcat what is believed.
+        controls: Sliders of the live page of a scenario, which write to inputs of its station.
         own_object: The assignments `key.path=value` that put an object of the user's own in place
             of a scenario's. Given: the scenario, its name or file, the object and the user's own
             assignments. None where there is nothing to be replaced.
@@ -138,6 +140,7 @@ class Application:
     view: "Callable[[DiagramBuilder, Any, Meshcat, System, Mapping[str, System]], None] | None" = (
         None
     )
+    controls: Callable[[Any], Sequence[Control]] = lambda scenario: ()
     own_object: Callable[[Any, str, OwnObject, Sequence[str]], Sequence[str]] | None = None
     keep_files: Callable[[Any], tuple[Any, Mapping[str, Path]]] = lambda scenario: (scenario, {})
     task_in_words: Callable[[Any], str] = lambda scenario: ""

@@ -11,9 +11,12 @@ from pydrake.geometry import Meshcat, MeshcatVisualizer, MeshcatVisualizerParams
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, PortDataType, System
 
+from crossmodal.diagrams.drawing.meshcat import ROOT
 from crossmodal.diagrams.run.application import Application, Station
 from crossmodal.diagrams.run.calibration import Calibration
 from crossmodal.diagrams.run.folder.fingerprint import contents
+from crossmodal.diagrams.run.live.controls import Control, connect_controls
+from crossmodal.diagrams.run.live.session import LiveSession
 from crossmodal.diagrams.run.process import peak_memory
 from crossmodal.diagrams.run.record import EpisodeRecord, Quantity, TaskStatus
 from crossmodal.diagrams.run.recorder import (
@@ -96,6 +99,7 @@ class Episode:
         station: Plant, sensors and controllers.
         estimators: By name, subsystems of the diagram.
         recorder: Holds what was believed and what was true.
+        session: What a person at the live page asks for; None without one.
     """
 
     def __init__(
@@ -104,9 +108,12 @@ class Episode:
         scenario: Scenario,
         meshcat: Meshcat | None = None,
         sensors_file: Path | None = None,
+        is_live: bool = False,
     ) -> None:
         self._scenario = scenario
         self._meshcat = meshcat
+        self.session: LiveSession | None = None
+        self._is_live = is_live
         with building(scenario.name):
             self._build(application, scenario, sensors_file)
 
@@ -160,6 +167,10 @@ class Episode:
             scene = MeshcatVisualizer(self._meshcat, params)
             builder.AddNamedSystem("meshcat_scene", scene)
             builder.Connect(station.GetOutputPort(SCENE_PORT), scene.query_object_input_port())
+            if self._is_live:
+                controls = application.controls(scenario)
+                self.session = live_session(self._meshcat, application, self.estimators, controls)
+                connect_controls(builder, station, controls, self._meshcat.GetSliderValue, period)
         else:
             self._meshcat = None
         self.diagram = builder.Build()
@@ -176,6 +187,7 @@ class Episode:
         if self.station.after_step is not None:
             simulator.set_monitor(self.station.after_step)
         if self._meshcat is not None:
+            self._meshcat.DeleteRecording()
             self._meshcat.StartRecording(frames_per_second=16.0)
         simulator.Initialize()
         interrupted = True
@@ -188,7 +200,7 @@ class Episode:
                     scenario.network_period,
                     scenario.duration,
                     scenario.stop_time,
-                    progress,
+                    self._between_ticks(progress),
                 )
                 interrupted = False
             except KeyboardInterrupt:
@@ -197,6 +209,9 @@ class Episode:
                 if self._sensor_log is not None:
                     self._sensor_log.close(root.get_time(), interrupted=interrupted)
         wall_time = time.perf_counter() - began - compiling.seconds
+        if self.session is not None:
+            wall_time -= self.session.waited
+            self.session.close()
         for name, (start, stop) in self._stopwatches.items():
             pairs = zip(start.marks, stop.marks, strict=False)
             self.recorder.estimators[name].tick_times = [b - a for a, b in pairs]
@@ -212,10 +227,36 @@ class Episode:
             events=self.recorder.events,
             peak_memory=peak_memory(),
             interrupted=interrupted,
+            wants_next=self.session is not None and self.session.wants_next,
             sensors_file=None if log is None or log.failure else log.path,
             missing=[log.failure] if log is not None and log.failure else [],
             meshcat_html=None if self._meshcat is None else recorded_page(self._meshcat),
         )
+
+    def _between_ticks(
+        self, progress: Callable[[float], None] | None
+    ) -> Callable[[float], None] | None:
+        session = self.session
+        if session is None:
+            return progress
+
+        def between(time: float) -> None:
+            if progress is not None:
+                progress(time)
+            session.between_ticks()
+
+        return between
+
+
+def live_session(
+    meshcat: Meshcat,
+    application: Application,
+    estimators: Mapping[str, System],
+    controls: Sequence[Control],
+) -> LiveSession:
+    """The live page's buttons and sliders; the estimator that is drawn first is the page's own."""
+    layers = {application.labels.get(name, name): f"{ROOT}/{name}" for name in estimators}
+    return LiveSession(meshcat=meshcat, layers=layers, controls=controls)
 
 
 def _add_estimator(
@@ -331,6 +372,7 @@ def run_episode(
     meshcat: Meshcat | None = None,
     progress: Callable[[float], None] | None = None,
     sensors_file: Path | None = None,
+    is_live: bool = False,
 ) -> EpisodeRecord:
     """Builds and simulates one episode.
 
@@ -339,6 +381,7 @@ def run_episode(
         meshcat: Where to draw; the recording becomes part of the record.
         progress: Called with the simulated time [s], about once per tick.
         sensors_file: Where to keep the sensor streams, so that they can be replayed.
+        is_live: Whether a person at the page may pause, end and change it.
     """
     compile_ahead(application.name)
-    return Episode(application, scenario, meshcat, sensors_file).Run(progress)
+    return Episode(application, scenario, meshcat, sensors_file, is_live).Run(progress)

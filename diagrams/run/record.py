@@ -101,6 +101,7 @@ class EpisodeRecord:
         events: In order of time.
         peak_memory: Of the process, [bytes].
         interrupted: A person stopped it before its end, or did so when it was recorded.
+        wants_next: The person at the live page wants the next seed.
         meshcat_html: The recording as a page that opens without a server.
         sensors_file: Where the sensor streams were kept.
         missing: What was to be kept and could not be written, and why, a line each.
@@ -116,6 +117,7 @@ class EpisodeRecord:
     events: list[Event] = field(default_factory=list)
     peak_memory: int = 0
     interrupted: bool = False
+    wants_next: bool = False
     meshcat_html: str | None = None
     sensors_file: Path | None = None
     missing: list[str] = field(default_factory=list)

@@ -23,6 +23,7 @@ from pydrake.systems.sensors import RgbdSensor
 
 from crossmodal.diagrams.run.calibration import CameraCalibration, draw_camera
 from crossmodal.diagrams.run.scenario import CameraBump
+from crossmodal.diagrams.stations.camera_controls import COVER, LIGHT
 from crossmodal.diagrams.stations.naming import own_seed, owner_among, prefixed
 from crossmodal.diagrams.stations.occurrence import Occurrence
 from crossmodal.diagrams.stations.wiring import StationWiring
@@ -60,7 +61,7 @@ def add_cameras(
     """Adds the cameras of a scenario, drawn by its seed around what is believed of them.
 
     Exports `color_measured` and `depth_measured`, of several cameras each with the camera's name
-    before it.
+    before it. Inputs `light_by_hand` and `cover_by_hand`, named likewise, may stay unconnected.
 
     Args:
         colour_is_read: Whether an estimator reads the colour images. Otherwise they are for
@@ -235,11 +236,12 @@ def _add_camera(
             surfaces.GetOutputPort("depth_image_32f"), noise.GetInputPort("surface_image")
         )
     light = Occurrence(disturbances.lights_off, during=lambda span: span.remaining, otherwise=1.0)
-    for port, occurrence in (
-        ("illumination", light),
-        ("cover", Occurrence(disturbances.camera_covered)),
+    for port, occurrence, by_hand in (
+        ("illumination", light, LIGHT),
+        ("cover", Occurrence(disturbances.camera_covered), COVER),
     ):
         builder.AddNamedSystem(prefixed(owner, port), occurrence)
+        builder.ExportInput(occurrence.get_input_port(), prefixed(owner, by_hand))
         builder.Connect(occurrence.get_output_port(), noise.GetInputPort(port))
     stamps = builder.AddNamedSystem(
         prefixed(owner, "image_stamps"), ImageStamps(_mounting(cameras[name], carrier))

@@ -97,7 +97,8 @@ def make_manipulation_station(
     `joint_state_window`, `wrench_window`, `pressure_window`, `interaction_active`, `task_status`,
     `path_planned`, `cheat_joint`, `cheat_joint_mechanics`, `cheat_configuration`,
     `cheat_body_pose`, `cheat_hand_pose`, `cheat_handle_pose`, `cheat_query_object`.
-    Input ports, which may stay unconnected: `PERCEIVED_INPUTS`.
+    Input ports, which may stay unconnected: `PERCEIVED_INPUTS`, `pull_speed`, and those of
+    `add_cameras`.
 
     Args:
         scenario: With its seed, which the noise of all sensors, the true camera and arm, and how

@@ -35,6 +35,7 @@ from crossmodal.systems.sensors.joint_encoders import JointEncoders
 MOTION_SOURCES = ("sequence", "exploration", "return")
 # What reaches control of the perceived joint; see `HeldJoint`.
 _IN_REACH = np.array([0.79, -0.25, 0.86])  # The drawer's handle, [m].
+PULL_SPEED = "pull_speed"  # Input of the station, (1,) [m/s].
 PERCEIVED_INPUTS = ("joint_latest", "end_effector_screw_latest", "grasp_failure_latest")
 
 
@@ -173,6 +174,7 @@ def _add_exploration(
 ) -> None:
     """The sequence's motion is held between its updates, as the other sources hold theirs."""
     builder.AddNamedSystem("exploration", exploration)
+    builder.ExportInput(exploration.GetInputPort("speed"), PULL_SPEED)
     motion = sequence.GetOutputPort("motion_desired")
     held = builder.AddNamedSystem("sequence_motion", ZeroOrderHold(period, motion.Allocate()))
     builder.Connect(motion, held.get_input_port())

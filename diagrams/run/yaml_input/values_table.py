@@ -72,7 +72,8 @@ def _declaration(at: Any, name: str, inherited: str) -> tuple[str, str]:
         return inherited, ""
     field = next(field for field in dataclasses.fields(at) if field.name == name)
     found = declared(field)
-    return comments(type(at)).get(name, ""), "" if found is None else str(found)
+    kind: type = type(at)
+    return comments(kind).get(name, ""), "" if found is None else str(found)
 
 
 def _lines(at: Any, key: str, possible: str, meaning: str) -> Iterator[ValueLine]:
@@ -129,7 +130,8 @@ def _own_comments(config: type) -> dict[str, str]:
     for node in tree.body:
         if not (isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name)):
             continue
-        above, line = [], node.lineno - 1
+        above: list[str] = []
+        line = node.lineno - 1
         while line in alone:
             above.insert(0, said[line])
             line -= 1

@@ -39,6 +39,7 @@ def fake_episode(monkeypatch: pytest.MonkeyPatch) -> types.SimpleNamespace:
         meshcat: Any = None,
         progress: Progress = None,
         sensors_file: Path | None = None,
+        is_live: bool = False,
     ) -> EpisodeRecord:
         import warnings
 

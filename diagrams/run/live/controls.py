@@ -1,0 +1,94 @@
+"""Sliders of the live page that act on the simulation."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from pydrake.systems.framework import Context, DiagramBuilder, DiscreteValues, LeafSystem, System
+
+
+@dataclass(frozen=True, kw_only=True)
+class Control:
+    """A value of a station that a person may change while it runs.
+
+    Attributes:
+        name: On the page, with its unit.
+        port: Input port (1,) of the station; what it has without one is the scenario's.
+        low: Least value.
+        high: Largest value.
+        step: Between two values.
+        value: The scenario's.
+        factor: By which it is multiplied for the port, whose unit is SI.
+    """
+
+    name: str
+    port: str
+    low: float
+    high: float
+    step: float
+    value: float
+    factor: float = 1.0
+
+
+class ControlValues(LeafSystem):
+    """Gives the values of the sliders, held from tick to tick.
+
+    Output ports:
+    - `<port>`: (1,) of each control.
+
+    State: the values, in the order of the controls.
+
+    Args:
+        controls: What can be changed.
+        read: Gives the present value of a slider by its name.
+        period: Of the reading, [s].
+    """
+
+    def __init__(
+        self, controls: Sequence[Control], read: Callable[[str], float], period: float
+    ) -> None:
+        super().__init__()
+        self._controls, self._read = tuple(controls), read
+        state = self.DeclareDiscreteState(
+            np.array([control.factor * control.value for control in controls])
+        )
+        on_state = {self.discrete_state_ticket(state)}
+        for index, control in enumerate(controls):
+            self.DeclareVectorOutputPort(
+                control.port,
+                1,
+                lambda context, output, index=index: output.SetAtIndex(
+                    0, context.get_discrete_state_vector().GetAtIndex(index)
+                ),
+                on_state,
+            )
+        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
+
+    def _update(self, context: Context, next_state: DiscreteValues) -> None:
+        values = [
+            control.factor * float(np.clip(self._read(control.name), control.low, control.high))
+            for control in self._controls
+        ]
+        next_state.get_mutable_vector().SetFromVector(values)
+
+
+def connect_controls(
+    builder: DiagramBuilder,
+    station: System,
+    controls: Sequence[Control],
+    read: Callable[[str], float],
+    period: float,
+) -> Mapping[str, Control]:
+    """Adds the sliders' values and connects them with the station; returns them by port.
+
+    Raises:
+        ValueError: where the station has no such port.
+    """
+    by_port = {control.port: control for control in controls}
+    if controls:
+        values = builder.AddNamedSystem("controls", ControlValues(controls, read, period))
+        for port in by_port:
+            if not station.HasInputPort(port):
+                raise ValueError(f"a control writes to '{port}', which the station has not")
+            builder.Connect(values.GetOutputPort(port), station.GetInputPort(port))
+    return by_port

@@ -1,0 +1,132 @@
+"""Buttons of the live page: pause, single tick, end, next seed, what is shown."""
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from pydrake.geometry import Meshcat
+
+from crossmodal.diagrams.run.live.controls import Control
+
+PAUSE, TICK, END, NEXT = "Pause / go on", "Single tick", "End the episode", "Restart, next seed"
+_POLLING = 0.05  # Between two looks at the buttons while it is paused, [s].
+
+
+@dataclass(kw_only=True)
+class LiveSession:
+    """What a person at the page asks of an episode.
+
+    Attributes:
+        meshcat: The page.
+        layers: Path of what can be shown, by the name on its button; one of them at a time.
+        shown: The layer that is visible.
+        extras: Path of what can be shown besides, by the name on its button; hidden at first.
+        controls: Sliders.
+        wants_next: Whether the next seed is asked for.
+        is_paused: Whether it waits.
+        waited: How long it has waited so far, [s].
+    """
+
+    meshcat: Meshcat
+    layers: Mapping[str, str] = field(default_factory=dict)
+    shown: str = ""
+    extras: Mapping[str, str] = field(default_factory=dict)
+    controls: Sequence[Control] = ()
+    wants_next: bool = False
+    is_paused: bool = False
+    waited: float = 0.0
+    _ticks: int = 0
+    _seen: dict[str, int] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.meshcat.DeleteAddedControls()
+        for name, key in ((PAUSE, "Space"), (TICK, "KeyT"), (END, ""), (NEXT, "KeyN")):
+            self._add_button(name, key)
+        for name in (*self.layers, *self.extras):
+            self._add_button(f"Show {name}", "")
+        for path in self.extras.values():
+            self.meshcat.SetProperty(path, "visible", False)
+        for control in self.controls:
+            self.meshcat.AddSlider(
+                control.name, control.low, control.high, control.step, control.value
+            )
+
+    def _add_button(self, name: str, key: str) -> None:
+        self.meshcat.AddButton(name, key)
+        self._seen[name] = self.meshcat.GetButtonClicks(name)
+
+    def _clicks(self, name: str) -> int:
+        """How often a button was pressed since it was asked last."""
+        count = self.meshcat.GetButtonClicks(name)
+        new, self._seen[name] = count - self._seen[name], count
+        return new
+
+    def between_ticks(self) -> None:
+        """Does what was asked for; waits while the episode is paused.
+
+        Raises:
+            KeyboardInterrupt: when the episode is to end.
+        """
+        while True:
+            self._show()
+            if self._clicks(NEXT):
+                self.wants_next = True
+            if self.wants_next or self._clicks(END):
+                raise KeyboardInterrupt
+            if self._clicks(PAUSE) % 2:
+                self.is_paused = not self.is_paused
+            ticks = self._clicks(TICK)
+            self.is_paused |= ticks > 0
+            self._ticks += ticks
+            if not self.is_paused:
+                return
+            if self._ticks:
+                self._ticks -= 1
+                return
+            time.sleep(_POLLING)
+            self.waited += _POLLING
+
+    def _show(self) -> None:
+        for name in self.layers:
+            if self._clicks(f"Show {name}") and name != self.shown:
+                self.shown = name
+                for other, path in self.layers.items():
+                    self.meshcat.SetProperty(path, "visible", other == name)
+        for name, path in self.extras.items():
+            clicks = self._clicks(f"Show {name}")
+            if clicks:
+                self._toggle(name, path, clicks)
+
+    def _toggle(self, name: str, path: str, clicks: int) -> None:
+        visible = self._seen.setdefault(f"{name} is visible", 0)
+        visible = (visible + clicks) % 2
+        self._seen[f"{name} is visible"] = visible
+        self.meshcat.SetProperty(path, "visible", bool(visible))
+
+    def close(self) -> None:
+        """Takes buttons and sliders off the page that would act on nothing any more.
+
+        What is shown can still be chosen by Meshcat's own controls, and the next seed be asked for.
+        """
+        for name in (PAUSE, TICK, END, *(f"Show {n}" for n in (*self.layers, *self.extras))):
+            self.meshcat.DeleteButton(name)
+        for control in self.controls:
+            self.meshcat.DeleteSlider(control.name)
+
+
+def stay(meshcat: Meshcat, is_over: Callable[[], bool]) -> bool:
+    """Keeps the page of an episode that has ended; returns whether the next seed is asked for.
+
+    Args:
+        meshcat: The page.
+        is_over: Whether the person at the terminal has had enough.
+    """
+    clicks = meshcat.GetButtonClicks(NEXT)
+    try:
+        while not is_over():
+            if meshcat.GetButtonClicks(NEXT) > clicks:
+                return True
+            time.sleep(_POLLING)
+    except KeyboardInterrupt:
+        pass
+    return False

@@ -1,0 +1,135 @@
+"""The live page's buttons and sliders act, by the messages that a browser sends."""
+
+import struct
+from collections.abc import Iterator
+
+import pytest
+from numpy.testing import assert_allclose
+from pydrake.geometry import Meshcat
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import PassThrough
+
+from crossmodal.diagrams.run.live.controls import Control, ControlValues, connect_controls
+from crossmodal.diagrams.run.live.session import END, NEXT, PAUSE, TICK, LiveSession, stay
+
+SPEED = Control(name="speed", port="speed", low=0.0, high=4.0, step=0.5, value=2.0, factor=0.01)
+
+
+@pytest.fixture(scope="module")
+def meshcat() -> Meshcat:
+    return Meshcat()
+
+
+@pytest.fixture
+def session(meshcat: Meshcat) -> Iterator[LiveSession]:
+    layers = {"vision": "/perception/vision", "touch": "/perception/touch"}
+    session = LiveSession(meshcat=meshcat, layers=layers, shown="vision", controls=[SPEED])
+    yield session
+    meshcat.DeleteAddedControls()
+
+
+def _text(value: str) -> bytes:
+    return bytes([0xA0 + len(value)]) + value.encode() if len(value) < 32 else b""
+
+
+def press(meshcat: Meshcat, name: str) -> None:
+    """What a browser sends when a button is pressed, as MessagePack."""
+    meshcat._InjectWebsocketMessage(
+        message=b"\x82" + _text("type") + _text("button") + _text("name") + _text(name)
+    )
+
+
+def slide(meshcat: Meshcat, name: str, value: float) -> None:
+    meshcat._InjectWebsocketMessage(
+        message=b"\x83"
+        + _text("type")
+        + _text("slider")
+        + _text("name")
+        + _text(name)
+        + _text("value")
+        + b"\xcb"
+        + struct.pack(">d", value)
+    )
+
+
+def test_nothing_pressed_means_go_on(session: LiveSession) -> None:
+    session.between_ticks()
+    assert not session.is_paused
+
+
+@pytest.mark.parametrize(("button", "is_next"), [(END, False), (NEXT, True)])
+def test_the_episode_is_ended(session: LiveSession, button: str, is_next: bool) -> None:
+    press(session.meshcat, button)
+    with pytest.raises(KeyboardInterrupt):
+        session.between_ticks()
+    assert session.wants_next == is_next
+
+
+def press_later(monkeypatch: pytest.MonkeyPatch, meshcat: Meshcat, button: str) -> list[float]:
+    """Presses a button while the session waits for the third time; Meshcat has one thread."""
+    waits: list[float] = []
+
+    def sleep(seconds: float) -> None:
+        waits.append(seconds)
+        if len(waits) == 3:
+            press(meshcat, button)
+
+    monkeypatch.setattr("crossmodal.diagrams.run.live.session.time.sleep", sleep)
+    return waits
+
+
+def test_it_waits_while_paused_and_makes_single_ticks(
+    session: LiveSession, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    press(session.meshcat, TICK)
+    press(session.meshcat, TICK)
+    session.between_ticks()  # The first of two ticks.
+    assert session.is_paused
+    session.between_ticks()  # The second one.
+    waits = press_later(monkeypatch, session.meshcat, PAUSE)
+    session.between_ticks()
+    assert len(waits) == 3
+    assert_allclose(session.waited, sum(waits))
+    assert not session.is_paused
+
+
+def test_one_estimator_is_shown_at_a_time(session: LiveSession) -> None:
+    press(session.meshcat, "Show touch")
+    session.between_ticks()
+    assert session.shown == "touch"
+    assert b"visible" in session.meshcat._GetPackedProperty("/perception/touch", "visible")
+
+
+def test_a_slider_is_an_input_of_the_station(session: LiveSession) -> None:
+    station = DiagramBuilder()
+    through = station.AddSystem(PassThrough(1))
+    station.ExportInput(through.get_input_port(), "speed")
+    station.ExportOutput(through.get_output_port(), "seen")
+    builder = DiagramBuilder()
+    inner = builder.AddSystem(station.Build())
+    connect_controls(builder, inner, [SPEED], session.meshcat.GetSliderValue, 0.1)
+    simulator = Simulator(builder.Build())
+
+    def seen() -> float:
+        context = inner.GetMyContextFromRoot(simulator.get_context())
+        return float(inner.GetOutputPort("seen").Eval(context)[0])
+
+    simulator.AdvanceTo(0.15)
+    assert_allclose(seen(), 0.02)
+    slide(session.meshcat, "speed", 3.5)
+    simulator.AdvanceTo(0.35)
+    assert_allclose(seen(), 0.035)
+    with pytest.raises(ValueError, match="'speed', which the station has not"):
+        connect_controls(
+            DiagramBuilder(), ControlValues([], lambda name: 0.0, 0.1), [SPEED], float, 1.0
+        )
+
+
+def test_the_page_stays_until_somebody_has_had_enough(
+    session: LiveSession, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    session.close()
+    assert not stay(session.meshcat, lambda: True)
+    press_later(monkeypatch, session.meshcat, NEXT)
+    assert stay(session.meshcat, lambda: False)

@@ -99,7 +99,7 @@ def add_view(
     meshcat: Meshcat,
     station: Diagram,
     estimators: Mapping[str, System],
-) -> None:
+) -> dict[str, str]:
     """Adds a view of what is measured, believed and planned."""
     scene_graph = station.GetSubsystemByName("scene_graph")
     view = builder.AddNamedSystem(
@@ -118,6 +118,7 @@ def add_view(
     for port in [*ports, *clearing]:
         builder.Connect(station.GetOutputPort(port), view.GetInputPort(port))
     connect_latest(builder, estimators, view)
+    return {LABELS.get(name, name): f"{ROOT}/{name}" for name in estimators}
 
 
 def _object_meshes(scene_graph: SceneGraph) -> dict[str, tuple[Array, Ids]]:

@@ -86,7 +86,7 @@ def add_view(
     meshcat: Meshcat,
     station: Diagram,
     estimators: Mapping[str, System],
-) -> None:
+) -> dict[str, str]:
     """Adds a view of what the estimators believe, and lets the scene be seen with its textures."""
     scene_graph = station.GetSubsystemByName("scene_graph")
     view = builder.AddNamedSystem(
@@ -96,6 +96,7 @@ def add_view(
     for port in ("path_planned", *(quantity.port for quantity in TRUTH_QUANTITIES)):
         builder.Connect(station.GetOutputPort(port), view.GetInputPort(port))
     connect_latest(builder, estimators, view)
+    return {LABELS.get(name, name): f"{ROOT}/{name}" for name in estimators}
 
 
 class MeshcatView(LeafSystem):

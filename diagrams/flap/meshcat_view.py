@@ -57,7 +57,7 @@ def add_view(
     meshcat: Meshcat,
     station: Diagram,
     estimators: Mapping[str, System],
-) -> None:
+) -> dict[str, str]:
     """Adds a view of what is sensed and of what the estimators believe."""
     view = builder.AddNamedSystem(
         "meshcat_view",
@@ -71,6 +71,7 @@ def add_view(
     for port in ("taxel_measured", "tip_estimated"):
         builder.Connect(station.GetOutputPort(port), view.GetInputPort(port))
     connect_latest(builder, estimators, view)
+    return {LABELS.get(name, name): f"{ROOT}/{name}" for name in estimators}
 
 
 class MeshcatView(LeafSystem):

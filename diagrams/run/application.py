@@ -104,7 +104,8 @@ class Application:
             the usual way for their type will not do.
         evaluate: From what was recorded to what is shown of it.
         close_loop: Lets the station act by what its estimators say: connects them.
-        view: Adds systems that draw into Meshcat what is believed.
+        view: Adds systems that draw into Meshcat what is believed; returns the paths of what can be
+            shown in place of each other, by name.
         controls: Sliders of the live page of a scenario, which write to inputs of its station.
         own_object: The assignments `key.path=value` that put an object of the user's own in place
             of a scenario's. Given: the scenario, its name or file, the object and the user's own
@@ -137,9 +138,10 @@ class Application:
     close_loop: Callable[[DiagramBuilder, Any, System, Mapping[str, System]], None] = (
         lambda builder, scenario, station, estimators: None
     )
-    view: "Callable[[DiagramBuilder, Any, Meshcat, System, Mapping[str, System]], None] | None" = (
-        None
-    )
+    view: (
+        "Callable[[DiagramBuilder, Any, Meshcat, System, Mapping[str, System]], Mapping[str, str]]"
+        " | None"
+    ) = None
     controls: Callable[[Any], Sequence[Control]] = lambda scenario: ()
     own_object: Callable[[Any, str, OwnObject, Sequence[str]], Sequence[str]] | None = None
     keep_files: Callable[[Any], tuple[Any, Mapping[str, Path]]] = lambda scenario: (scenario, {})

@@ -11,11 +11,10 @@ from pydrake.geometry import Meshcat, MeshcatVisualizer, MeshcatVisualizerParams
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, PortDataType, System
 
-from crossmodal.diagrams.drawing.meshcat import ROOT
 from crossmodal.diagrams.run.application import Application, Station
 from crossmodal.diagrams.run.calibration import Calibration
 from crossmodal.diagrams.run.folder.fingerprint import contents
-from crossmodal.diagrams.run.live.controls import Control, connect_controls
+from crossmodal.diagrams.run.live.controls import connect_controls
 from crossmodal.diagrams.run.live.session import LiveSession
 from crossmodal.diagrams.run.process import peak_memory
 from crossmodal.diagrams.run.record import EpisodeRecord, Quantity, TaskStatus
@@ -161,15 +160,18 @@ class Episode:
                 sensors_file,
             )
         if self._meshcat is not None and station.HasOutputPort(SCENE_PORT):
+            layers: Mapping[str, str] = {}
             if application.view is not None:
-                application.view(builder, scenario, self._meshcat, station, self.estimators)
+                layers = application.view(
+                    builder, scenario, self._meshcat, station, self.estimators
+                )
             params = MeshcatVisualizerParams(publish_period=1.0 / 16.0)
             scene = MeshcatVisualizer(self._meshcat, params)
             builder.AddNamedSystem("meshcat_scene", scene)
             builder.Connect(station.GetOutputPort(SCENE_PORT), scene.query_object_input_port())
             if self._is_live:
                 controls = application.controls(scenario)
-                self.session = live_session(self._meshcat, application, self.estimators, controls)
+                self.session = LiveSession(meshcat=self._meshcat, layers=layers, controls=controls)
                 connect_controls(builder, station, controls, self._meshcat.GetSliderValue, period)
         else:
             self._meshcat = None
@@ -246,17 +248,6 @@ class Episode:
             session.between_ticks()
 
         return between
-
-
-def live_session(
-    meshcat: Meshcat,
-    application: Application,
-    estimators: Mapping[str, System],
-    controls: Sequence[Control],
-) -> LiveSession:
-    """The live page's buttons and sliders; the estimator that is drawn first is the page's own."""
-    layers = {application.labels.get(name, name): f"{ROOT}/{name}" for name in estimators}
-    return LiveSession(meshcat=meshcat, layers=layers, controls=controls)
 
 
 def _add_estimator(

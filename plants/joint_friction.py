@@ -45,7 +45,8 @@ class Detents(LeafSystem):
 
     The generalized force is -F (x / s) exp(1 - |x| / s), x the displacement from the joint's
     default position. It holds most, by F, at x = s, 0.3 mm or 2 mrad away, and lets go within a few
-    times that.
+    times that. The force depends on where the joint is before each step dt, so that a light joint
+    would rattle in a strong detent: s is at least 2 e F dt^2 / m, m the joint's inertia.
 
     Input ports:
     - `plant_state`: (nq + nv,) of the plant (true).
@@ -60,14 +61,20 @@ class Detents(LeafSystem):
 
     def __init__(self, plant: MultibodyPlant, detents: Sequence[tuple[Joint, float]]) -> None:
         super().__init__()
-        self._detents, self._nv = list(detents), plant.num_velocities()
+        self._nv = plant.num_velocities()
+        inertias = plant.CalcMassMatrix(plant.CreateDefaultContext()).diagonal()
+        steady = 2.0 * np.e * plant.time_step() ** 2
+        self._detents = []
+        for joint, force in detents:
+            least = _LENGTH if isinstance(joint, PrismaticJoint) else _ANGLE
+            scale = max(least, steady * force / float(inertias[joint.velocity_start()]))
+            self._detents.append((joint, force, scale))
         self._state = self.DeclareVectorInputPort("plant_state", plant.num_multibody_states())
         self.DeclareVectorOutputPort("generalized_forces", self._nv, self._calc)
 
     def _calc(self, context: Context, output: BasicVector) -> None:
         state, forces = np.asarray(self._state.Eval(context)), np.zeros(self._nv)
-        for joint, force in self._detents:
-            scale = _LENGTH if isinstance(joint, PrismaticJoint) else _ANGLE
+        for joint, force, scale in self._detents:
             x = (state[joint.position_start()] - joint.default_positions()[0]) / scale
             forces[joint.velocity_start()] -= force * x * np.exp(1.0 - abs(x))
         output.SetFromVector(forces)

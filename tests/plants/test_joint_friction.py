@@ -85,3 +85,25 @@ def test_a_drawer_feels_all_of_its_friction_however_large_it_is(
     damping = slide.default_damping()
     expected = max(beyond, 0.0) / damping * (1.0 - np.exp(-damping / mass * 0.12))
     assert_allclose(slide.get_translation_rate(context), expected, rtol=0.02, atol=1.1e-4)
+
+
+def test_a_strong_detent_keeps_a_nudged_drawer_where_it_is() -> None:
+    """It would rattle its way out if it were as short as that of a heavy one."""
+    builder = DiagramBuilder()
+    placed = ObjectPlacement(
+        model=SDF_DIR / "chest_drawer.sdf", X_WO=RigidTransform([0.9, 0.0, 0.86]), friction=1.0
+    )
+    scene = add_manipulation_scene(builder, PlantConfig(), {"object": placed}, [("arm", "hand")])
+    plant, slide = scene.plant, scene.plant.GetJointByName("slide")
+    detents = builder.AddSystem(Detents(plant, [(slide, 100.0)]))
+    builder.Connect(plant.get_state_output_port(), detents.get_input_port())
+    builder.Connect(detents.get_output_port(), plant.get_applied_generalized_force_input_port())
+    simulator = Simulator(builder.Build())
+    context = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
+    for robot in map(scene.model, ("arm", "hand")):
+        none = np.zeros(plant.num_actuated_dofs(robot))
+        plant.get_actuation_input_port(robot).FixValue(context, none)
+    slide.set_translation_rate(context, 0.1)
+    simulator.AdvanceTo(1.0)
+    assert abs(slide.get_translation(context)) < 1e-3
+    assert abs(slide.get_translation_rate(context)) < 1e-3

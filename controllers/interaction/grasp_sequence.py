@@ -28,8 +28,8 @@ def exploration_gains(
 ) -> ImpedanceGains:
     """Compliant in all directions, stiff in the pulling direction (3,) of E.
 
-    A hand that has stopped is braked in the compliant directions as while it approaches: one that
-    has slipped off would be thrown aside by what the arm's weight is not known to.
+    A hand that has stopped is braked in the compliant directions as while it approaches. If it has
+    slipped off, errors of the arm's modelled weight would accelerate it otherwise.
     """
     direction = direction_E / np.linalg.norm(direction_E)
     pull = np.zeros((6, 6))

@@ -35,6 +35,7 @@ from crossmodal.diagrams.drawing.meshcat import (
     ROOT,
     Shown,
     clear_view,
+    estimator_layers,
     frame_along,
     legend_title,
     rigid_transform,
@@ -118,7 +119,7 @@ def add_view(
     for port in [*ports, *clearing]:
         builder.Connect(station.GetOutputPort(port), view.GetInputPort(port))
     connect_latest(builder, estimators, view)
-    return {LABELS.get(name, name): f"{ROOT}/{name}" for name in estimators}
+    return estimator_layers(estimators, LABELS)
 
 
 def _object_meshes(scene_graph: SceneGraph) -> dict[str, tuple[Array, Ids]]:

@@ -138,7 +138,10 @@ def _stays(viewer: Any) -> bool:
     )
 
     def is_over() -> bool:
-        ready, _, _ = select.select([sys.stdin], [], [], 0.0)
+        try:
+            ready, _, _ = select.select([sys.stdin], [], [], 0.0)
+        except (OSError, ValueError):  # Closed, or no file: nobody can type.
+            return True
         return bool(ready)  # A line, or the end of what nobody types into.
 
     return stay(viewer, is_over)

@@ -25,6 +25,7 @@ from crossmodal.diagrams.drawing.meshcat import (
     ROOT,
     Shown,
     clear_view,
+    estimator_layers,
     legend_title,
     rigid_transform,
     show_from,
@@ -96,7 +97,7 @@ def add_view(
     for port in ("path_planned", *(quantity.port for quantity in TRUTH_QUANTITIES)):
         builder.Connect(station.GetOutputPort(port), view.GetInputPort(port))
     connect_latest(builder, estimators, view)
-    return {LABELS.get(name, name): f"{ROOT}/{name}" for name in estimators}
+    return estimator_layers(estimators, LABELS)
 
 
 class MeshcatView(LeafSystem):

@@ -1,7 +1,7 @@
 """The server that shows an episode in 3D, and what all views of one do alike."""
 
 import socket
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 from pydrake.geometry import GeometryId, Meshcat, MeshcatParams, SceneGraphInspector
@@ -40,6 +40,11 @@ def clear_view(meshcat: Meshcat, viewpoint: Array, looking_at: Array) -> None:
 def legend_title(shown: str, labels: Mapping[str, str]) -> str:
     """Whose beliefs are visible at first, and where the others are switched on."""
     return f"as believed by {labels.get(shown, shown)}; others: Open Controls, Scene, perception"
+
+
+def estimator_layers(estimators: Iterable[str], labels: Mapping[str, str]) -> dict[str, str]:
+    """Where each estimator's beliefs are drawn, by its label."""
+    return {labels.get(name, name): f"{ROOT}/{name}" for name in estimators}
 
 
 def show_from(meshcat: Meshcat, path: str, time: float) -> None:

@@ -16,7 +16,13 @@ from pydrake.systems.framework import (
 
 from crossmodal.diagrams.drawing import palette
 from crossmodal.diagrams.drawing.legend import Entry, show_legend
-from crossmodal.diagrams.drawing.meshcat import ROOT, clear_view, frame_along, legend_title
+from crossmodal.diagrams.drawing.meshcat import (
+    ROOT,
+    clear_view,
+    estimator_layers,
+    frame_along,
+    legend_title,
+)
 from crossmodal.diagrams.flap.estimator_names import COLORS, LABELS
 from crossmodal.diagrams.flap.scenario import Scenario
 from crossmodal.diagrams.run.episode import connect_latest
@@ -71,7 +77,7 @@ def add_view(
     for port in ("taxel_measured", "tip_estimated"):
         builder.Connect(station.GetOutputPort(port), view.GetInputPort(port))
     connect_latest(builder, estimators, view)
-    return {LABELS.get(name, name): f"{ROOT}/{name}" for name in estimators}
+    return estimator_layers(estimators, LABELS)
 
 
 class MeshcatView(LeafSystem):

@@ -1,6 +1,6 @@
 """Sliders of the live page that act on the simulation."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -78,17 +78,16 @@ def connect_controls(
     controls: Sequence[Control],
     read: Callable[[str], float],
     period: float,
-) -> Mapping[str, Control]:
-    """Adds the sliders' values and connects them with the station; returns them by port.
+) -> None:
+    """Adds the sliders' values and connects them with the station.
 
     Raises:
         ValueError: where the station has no such port.
     """
-    by_port = {control.port: control for control in controls}
-    if controls:
-        values = builder.AddNamedSystem("controls", ControlValues(controls, read, period))
-        for port in by_port:
-            if not station.HasInputPort(port):
-                raise ValueError(f"a control writes to '{port}', which the station has not")
-            builder.Connect(values.GetOutputPort(port), station.GetInputPort(port))
-    return by_port
+    if not controls:
+        return
+    values = builder.AddNamedSystem("controls", ControlValues(controls, read, period))
+    for control in controls:
+        if not station.HasInputPort(control.port):
+            raise ValueError(f"a control writes to '{control.port}', which the station has not")
+        builder.Connect(values.GetOutputPort(control.port), station.GetInputPort(control.port))

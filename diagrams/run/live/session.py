@@ -20,7 +20,6 @@ class LiveSession:
         meshcat: The page.
         layers: Path of what can be shown, by the name on its button; one of them at a time.
         shown: The layer that is visible.
-        extras: Path of what can be shown besides, by the name on its button; hidden at first.
         controls: Sliders.
         wants_next: Whether the next seed is asked for.
         is_paused: Whether it waits.
@@ -30,7 +29,6 @@ class LiveSession:
     meshcat: Meshcat
     layers: Mapping[str, str] = field(default_factory=dict)
     shown: str = ""
-    extras: Mapping[str, str] = field(default_factory=dict)
     controls: Sequence[Control] = ()
     wants_next: bool = False
     is_paused: bool = False
@@ -42,10 +40,8 @@ class LiveSession:
         self.meshcat.DeleteAddedControls()
         for name, key in ((PAUSE, "Space"), (TICK, "KeyT"), (END, ""), (NEXT, "KeyN")):
             self._add_button(name, key)
-        for name in (*self.layers, *self.extras):
+        for name in self.layers:
             self._add_button(f"Show {name}", "")
-        for path in self.extras.values():
-            self.meshcat.SetProperty(path, "visible", False)
         for control in self.controls:
             self.meshcat.AddSlider(
                 control.name, control.low, control.high, control.step, control.value
@@ -92,23 +88,13 @@ class LiveSession:
                 self.shown = name
                 for other, path in self.layers.items():
                     self.meshcat.SetProperty(path, "visible", other == name)
-        for name, path in self.extras.items():
-            clicks = self._clicks(f"Show {name}")
-            if clicks:
-                self._toggle(name, path, clicks)
-
-    def _toggle(self, name: str, path: str, clicks: int) -> None:
-        visible = self._seen.setdefault(f"{name} is visible", 0)
-        visible = (visible + clicks) % 2
-        self._seen[f"{name} is visible"] = visible
-        self.meshcat.SetProperty(path, "visible", bool(visible))
 
     def close(self) -> None:
         """Takes buttons and sliders off the page that would act on nothing any more.
 
         What is shown can still be chosen by Meshcat's own controls, and the next seed be asked for.
         """
-        for name in (PAUSE, TICK, END, *(f"Show {n}" for n in (*self.layers, *self.extras))):
+        for name in (PAUSE, TICK, END, *(f"Show {name}" for name in self.layers)):
             self.meshcat.DeleteButton(name)
         for control in self.controls:
             self.meshcat.DeleteSlider(control.name)

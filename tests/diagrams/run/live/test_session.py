@@ -98,7 +98,9 @@ def test_one_estimator_is_shown_at_a_time(session: LiveSession) -> None:
     press(session.meshcat, "Show touch")
     session.between_ticks()
     assert session.shown == "touch"
-    assert b"visible" in session.meshcat._GetPackedProperty("/perception/touch", "visible")
+    for path, value in (("touch", b"\xc3"), ("vision", b"\xc2")):  # MessagePack's true and false.
+        packed = session.meshcat._GetPackedProperty(f"/perception/{path}", "visible")
+        assert packed.endswith(value)
 
 
 def test_a_slider_is_an_input_of_the_station(session: LiveSession) -> None:

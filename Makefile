@@ -14,13 +14,14 @@ INSTALLED := .venv/.installed
 DEVELOPING := .venv/.developing
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint pytest replays recordings bench evaluate clean
+.PHONY: help demo test lint pytest docs replays recordings bench evaluate clean
 
 help:
 	@echo "make demo       a robot opens a drawer and perceives its joint (ARGS=--meshcat: live)"
 	@echo "make test       lint, types and tests"
 	@echo "make lint       ruff, imports between rooms, and mypy"
 	@echo "make pytest     tests only (ARGS=tests/systems/vision: some of them)"
+	@echo "make docs       the guide with the reference, as pages in docs/_build; minutes"
 	@echo "make replays    what perception makes of tests/recordings, written anew after a change"
 	@echo "make recordings the same, the recordings simulated anew before"
 	@echo "make bench      time per tick, real-time factor, joint filters, episodes per hour"
@@ -53,6 +54,11 @@ pytest: export OMP_NUM_THREADS = 1
 pytest: export OPENBLAS_NUM_THREADS = 1
 pytest: $(DEVELOPING)
 	$(BIN)/python -m pytest --numprocesses $(JOBS) --dist loadfile $(ARGS)
+
+# Fails where a link leads nowhere.
+docs: $(DEVELOPING)
+	$(BIN)/python -m sphinx -b html -W --keep-going -q docs docs/_build
+	@echo docs/_build/index.html
 
 # Only perceives; nothing is simulated.
 replays: $(DEVELOPING)

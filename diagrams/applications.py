@@ -187,7 +187,7 @@ class RecordedRun:
         return [(interval.start, interval.end) for _, interval in spans]
 
 
-def read_run(folder: Path) -> RecordedRun:
+def read_run(folder: Path | str) -> RecordedRun:
     """Reads the folder that `crossmodal run` has written.
 
     Raises:
@@ -195,6 +195,7 @@ def read_run(folder: Path) -> RecordedRun:
     """
     import pandas as pd
 
+    folder = Path(folder)
     for name in (SCENARIO_FILE, ESTIMATES_FILE, SUMMARY_FILE):
         if not (folder / name).is_file():
             raise ScenarioError(f"{folder}: holds no {name}; name the folder of a complete run")

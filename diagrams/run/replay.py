@@ -55,7 +55,7 @@ def check_recorded(folder: Path, overrides: Sequence[str] = ()) -> Path:
 
 def replay(
     application: Application,
-    folder: Path,
+    folder: Path | str,
     scenario: Scenario,
     estimators: Mapping[str, System] | None = None,
     progress: Callable[[float], None] | None = None,
@@ -73,6 +73,7 @@ def replay(
         ScenarioError: if the recording is damaged, lacks a stream that an estimator needs, or was
             made with another scenario.
     """
+    folder = Path(folder)
     compile_ahead(application.name)
     with building(scenario.name):
         calibration = application.make_calibration(scenario)

@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 import numpy as np
-from scipy.stats import gmean
+from scipy import stats
 
 from crossmodal.maths.arrays import Array
 from crossmodal.plants.object_import.meshes import (
@@ -416,7 +416,7 @@ class Repair:
         if not sizes or max(sizes.values()) < _SUSPICIOUS:
             return
         others = _lengths_beside_meshes(root) or [_USUAL]
-        for typical in (max, gmean):  # Either may be misled by a single thing, such as a wall.
+        for typical in (max, stats.gmean):  # Either may be misled by a single thing, such as a wall.
             if typical([*sizes.values()]) / typical(others) < np.sqrt(1000.0):
                 return
         largest = max(sizes, key=lambda key: sizes[key])

@@ -130,7 +130,7 @@ def test_modules_that_are_run_exist(page: Path) -> None:
         assert find_spec(module) is not None, module
 
 
-@pytest.mark.parametrize("script", sorted(ROOT.glob("docs/*.py")), ids=lambda path: path.stem)
+@pytest.mark.parametrize("script", sorted(ROOT.glob("docs/make_*.py")), ids=lambda path: path.stem)
 def test_scripts_of_the_pages_find_what_they_import(script: Path) -> None:
     run_path(str(script), run_name=script.stem)
 

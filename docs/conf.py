@@ -22,6 +22,8 @@ extensions = [
 templates_path = ["_templates"]
 exclude_patterns = ["_build"]
 html_theme = "alabaster"
+html_theme_options = {"font_family": "sans-serif", "head_font_family": "sans-serif"}
+html_theme_options |= {"page_width": "75rem", "sidebar_width": "16rem"}
 html_title = project
 # Links to headings are made as they are where the pages are read as plain files.
 myst_heading_anchors = 4
@@ -39,11 +41,16 @@ autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
 autodoc_default_options = {"members": True, "show-inheritance": True}
 autodoc_preserve_defaults = True
+add_module_names = False
 napoleon_use_ivar = True
 napoleon_use_rtype = False
 napoleon_custom_sections = [("Input ports", "notes_style"), ("Output ports", "notes_style")]
 
 _SPOKEN = re.compile(r"(`[^`]*`)")  # Code, in which nothing is marked up.
+# What `crossmodal.maths.arrays.Array` stands for.
+_ARRAY = re.compile(
+    r"~?numpy\.ndarray\[tuple\[~?typing\.Any, \.\.\.\], ~?numpy\.dtype\[~?numpy\.float64\]\]"
+)
 _ITEM = re.compile(r"^\s*(- |\d+\. )")
 
 
@@ -100,6 +107,20 @@ def read_docstring(
         lines += fields(thing)
 
 
+def read_signature(
+    app: Any,
+    what: str,
+    name: str,
+    thing: Any,
+    options: Any,
+    arguments: str | None,
+    result: str | None,
+) -> tuple[str | None, str | None]:
+    """Names arrays as the source does."""
+    return tuple(text and _ARRAY.sub("Array", text) for text in (arguments, result))  # type: ignore[return-value]
+
+
 def setup(app: Any) -> None:
+    app.connect("autodoc-process-signature", read_signature)
     # Before napoleon, which reads the sections.
     app.connect("autodoc-process-docstring", read_docstring, priority=400)

@@ -9,6 +9,16 @@ DOCS = Path(__file__).parents[1] / "docs"
 
 def test_the_guide_is_made_without_a_warning(tmp_path: Path) -> None:
     pages = tmp_path / "pages"
-    command = [*"-b html -t pages -W --keep-going -q -d".split(), str(tmp_path / "read")]
-    assert build_main([*command, str(DOCS), str(pages)]) == 0
+    options = [
+        "-b",
+        "html",
+        "-t",
+        "pages",
+        "-W",
+        "--keep-going",
+        "-q",
+        "-d",
+        str(tmp_path / "read"),
+    ]
+    assert build_main([*options, str(DOCS), str(pages)]) == 0
     assert "Tutorial" in (pages / "index.html").read_text()

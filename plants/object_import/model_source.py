@@ -416,7 +416,8 @@ class Repair:
         if not sizes or max(sizes.values()) < _SUSPICIOUS:
             return
         others = _lengths_beside_meshes(root) or [_USUAL]
-        for typical in (max, stats.gmean):  # Either may be misled by a single thing, such as a wall.
+        # Either may be misled by a single thing, such as a wall.
+        for typical in (max, stats.gmean):
             if typical([*sizes.values()]) / typical(others) < np.sqrt(1000.0):
                 return
         largest = max(sizes, key=lambda key: sizes[key])

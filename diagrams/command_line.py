@@ -21,6 +21,7 @@ from crossmodal.diagrams.commands import (
     replay,
     run,
     show,
+    stream,
     train,
 )
 from crossmodal.diagrams.commands.endings import BAD_INPUT
@@ -65,6 +66,7 @@ app.command("run", epilog=run.EXAMPLES)(run.run_command)
 app.command("inspect", epilog=inspect.EXAMPLES)(inspect.inspect_command)
 app.command("replay", epilog=replay.EXAMPLES)(replay.replay_command)
 app.command("export", epilog=export.EXAMPLES)(export.export_command)
+app.command("stream", epilog=stream.EXAMPLES)(stream.stream_command)
 app.command("evaluate", epilog=evaluate.EXAMPLES)(evaluate.evaluate_command)
 app.command("ablate", epilog=ablate.EXAMPLES)(ablate.ablate_command)
 app.command("compare", epilog=compare.EXAMPLES)(compare.compare_command)

@@ -100,7 +100,7 @@ def score(found: ArticulatedObject, truth: Truth) -> float:
     """The metric E between the joint of an object and the true one, as a share of E(truth, fixed).
 
     Both with the travel that there was, in the frame of the body where it was closed, lengths in
-    [m] and angles in [rad]. An object of several joints is that of its last one.
+    [m] and angles in [rad]. Of an object of several joints it is the one that was seen longest.
     """
     from articulatearena import cost_to_fixed, joint_metric, make_endpoint_pair, make_split_norm
 
@@ -113,7 +113,7 @@ def score(found: ArticulatedObject, truth: Truth) -> float:
     S_W = np.concatenate([truth.axis_W, moment] if turns else [np.zeros(3), truth.axis_W])
     norm = make_split_norm(alpha=1.0)
     true = make_endpoint_pair(Ad @ S_W, float(travel.min()), float(travel.max()))
-    joint, zero = found.joints[-1], np.zeros(6)
+    joint, zero = max(found.joints, key=lambda joint: joint.updates), np.zeros(6)
     ends = (zero, zero)
     if joint.moves:
         ends = (Ad @ joint.S_P * joint.lower, Ad @ joint.S_P * joint.upper)

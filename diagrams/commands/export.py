@@ -83,5 +83,9 @@ def _perceived(run: Path, application: "Application", scenario: Any) -> "Perceiv
     if not (run / SENSORS_FILE).is_file():
         raise ScenarioError(f"{run}: holds no {PERCEIVED_FILE} or {SENSORS_FILE}; run it again")
     with tqdm(desc="perceiving the recording", unit="tick", disable=None) as bar:
-        record = replay(application, run, scenario, progress=lambda _: bar.update() and None)
+
+        def progress(_: float) -> None:
+            bar.update()
+
+        record = replay(application, run, scenario, progress=progress)
     return perceived(application, record)

@@ -39,9 +39,9 @@ def body_name(body_id: int) -> str:
 def perceived_object(before: ArticulatedObject | None, tick: Tick) -> ArticulatedObject | None:
     """The object as an estimator perceives it at a tick.
 
-    It is the bodies that a joint moves, the body in the hand, and what these are joined to. A body
-    that is not seen is where it would be by its joint. While nothing is known of any joint, the
-    object stays as it was.
+    It is the body in the hand, where a joint moves it, and else all bodies that a joint moves,
+    with what these are joined to. A body that is not seen is where it would be by its joint. While
+    nothing is known of any joint, the object stays as it was.
 
     Args:
         before: That of the last tick; None at the first.
@@ -84,9 +84,11 @@ def _chosen(joints: list[JointBelief], known: set[int]) -> list[JointBelief]:
         )
         if joint.type != JointType.DISCONNECTED and joint.child_id in known and not settled:
             best[joint.child_id] = joint
+    moving = {child for child, joint in best.items() if joint.type in MOVING_TYPES}
+    wanted = {HELD_BODY} if HELD_BODY in moving else moving | {HELD_BODY}
     chosen: dict[int, JointBelief] = {}
     for child, joint in best.items():
-        if child == HELD_BODY or joint.type in MOVING_TYPES:
+        if child in wanted:
             chain = [joint]
             while chain[-1].parent_id in best:
                 chain.append(best[chain[-1].parent_id])
@@ -112,13 +114,13 @@ def _joint(
         updates=int(belief.updates),
         X_PB_zero=se3.inverse(X_WP) @ body.motion.X,
     )
-    follows = before is not None and before.type == joint.type
+    stays = None  # Where the path was.
+    if before is not None and before.type == joint.type and not body.is_seen:
+        stays = before.X_PB_zero
     if not moves:
-        return replace(joint, X_PB_zero=before.X_PB_zero) if follows and not body.is_seen else joint
+        return joint if stays is None else replace(joint, X_PB_zero=stays)
     q, S_P = float(model.configuration[0]), screw_of(belief.type, model)
-    X_PB_zero = se3.exp(-S_P * q) @ joint.X_PB_zero
-    if follows and before is not None and not body.is_seen:
-        X_PB_zero = before.X_PB_zero
+    X_PB_zero = se3.exp(-S_P * q) @ joint.X_PB_zero if stays is None else stays
     return replace(
         joint,
         S_P=S_P,

@@ -79,8 +79,8 @@ def _add_joint(model: ET.Element, part: Link) -> None:
         ET.SubElement(limit, bound).text = number(value)
     if resistance := dynamics(found):
         element = ET.SubElement(axis, "dynamics")
-        for key, value in resistance.items():
-            ET.SubElement(element, key).text = value
+        for key, said in resistance.items():
+            ET.SubElement(element, key).text = said
 
 
 def _add_pose(element: ET.Element, X: Array, frame: str = "") -> None:

@@ -13,6 +13,7 @@ from crossmodal.diagrams.commands import (
     compare,
     diagram,
     evaluate,
+    export,
     inspect,
     joints,
     list_names,
@@ -20,6 +21,7 @@ from crossmodal.diagrams.commands import (
     replay,
     run,
     show,
+    stream,
     train,
 )
 from crossmodal.diagrams.commands.endings import BAD_INPUT
@@ -63,6 +65,8 @@ app.command("show", epilog=show.EXAMPLES)(show.show_command)
 app.command("run", epilog=run.EXAMPLES)(run.run_command)
 app.command("inspect", epilog=inspect.EXAMPLES)(inspect.inspect_command)
 app.command("replay", epilog=replay.EXAMPLES)(replay.replay_command)
+app.command("export", epilog=export.EXAMPLES)(export.export_command)
+app.command("stream", epilog=stream.EXAMPLES)(stream.stream_command)
 app.command("evaluate", epilog=evaluate.EXAMPLES)(evaluate.evaluate_command)
 app.command("ablate", epilog=ablate.EXAMPLES)(ablate.ablate_command)
 app.command("compare", epilog=compare.EXAMPLES)(compare.compare_command)

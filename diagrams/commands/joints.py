@@ -56,6 +56,7 @@ def joints_command(
         from crossmodal.diagrams.joints.track_joint import described, write_results
         from crossmodal.diagrams.run.folder.run_folder import write_text
         from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
+        from crossmodal.systems.object_models.model_text import as_name
         from crossmodal.systems.pose_tracks.joint_model import to_sdf, to_urdf
         from crossmodal.systems.pose_tracks.pose_track import relative_track, with_given
         from crossmodal.systems.pose_tracks.repeats import estimate_repeats
@@ -86,7 +87,7 @@ def joints_command(
                 tracks, progress=lambda poses: tqdm(poses, "poses", leave=False, disable=None)
             )
             writer = writers[to]
-            model = writer(found, _identifier(files[0].stem)) if writer is not None else ""
+            model = writer(found, as_name(files[0].stem)) if writer is not None else ""
         except ValueError as error:
             raise ScenarioError(str(error)) from None
         typer.echo("\n".join(described(found)))
@@ -103,8 +104,3 @@ def _named(columns: str) -> dict[str, str]:
     if not all(name and equals and column for name, equals, column in pairs):
         raise ScenarioError(f"--columns = '{columns}', need NAME=COLUMN,...")
     return {name.strip(): column.strip() for name, _, column in pairs}
-
-
-def _identifier(stem: str) -> str:
-    text = "".join(letter if letter.isascii() and letter.isalnum() else "_" for letter in stem)
-    return text if text[:1].isalpha() else f"object_{text}"

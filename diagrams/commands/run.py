@@ -1,7 +1,9 @@
 """`crossmodal run`."""
 
+import contextlib
 import select
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -15,6 +17,7 @@ if TYPE_CHECKING:
     from crossmodal.diagrams.run.application import Application
     from crossmodal.diagrams.run.record import EpisodeRecord
     from crossmodal.diagrams.run.scenario import Scenario
+    from crossmodal.diagrams.run.stream.sinks import Sink
 
 EXAMPLES = (
     "Examples:  crossmodal run drawer --seed 7 --meshcat   |   crossmodal run my.yaml"
@@ -82,6 +85,13 @@ def run_command(
     record_sensors: Annotated[
         bool, typer.Option("--record-sensors", help="Keep the sensor streams, for `replay`.")
     ] = False,
+    stream: Annotated[
+        str,
+        typer.Option(
+            metavar="FILE.mcap|foxglove[:PORT]",
+            help="Images, frames and estimates for a viewer, live or as a file.",
+        ),
+    ] = "",
     modalities: Annotated[
         str | None, typer.Option(help="Comma-separated, of vision,proprioception,crossmodal.")
     ] = None,
@@ -117,7 +127,10 @@ def run_command(
             numbered = out is None and not force
             with opened(out or default_folder(chosen), force=force, numbered=numbered) as folder:
                 sensors_file = folder / SENSORS_FILE if record_sensors else None
-                record = _simulate(application, chosen, viewer, sensors_file, is_live=meshcat)
+                with _sink(stream, force) as sink:
+                    record = _simulate(
+                        application, chosen, viewer, sensors_file, is_live=meshcat, sink=sink
+                    )
                 if not recording:
                     record = replace(record, meshcat_html=None)
                 status = write_and_report(folder, application, record)
@@ -126,7 +139,22 @@ def run_command(
                 assignments.append(f"seed={chosen.seed + 1}")
                 _, chosen = load_scenario(scenario, assignments)
                 out = None if out is None else out.with_name(f"{folder.name}-seed{chosen.seed}")
+                if stream.endswith(".mcap"):
+                    stream = f"{stream.removesuffix('.mcap')}-seed{chosen.seed}.mcap"
     raise typer.Exit(status)
+
+
+@contextlib.contextmanager
+def _sink(target: str, force: bool) -> Iterator["Sink | None"]:
+    """Where estimates are streamed to, if anywhere."""
+    if not target:
+        yield None
+        return
+    from crossmodal.diagrams.run.stream.sinks import opened_sink
+
+    with opened_sink(target, force=force) as sink:
+        typer.echo(f"Streaming to {sink.place}")
+        yield sink
 
 
 def _stays(viewer: Any) -> bool:
@@ -172,6 +200,7 @@ def _simulate(
     sensors_file: Path | None,
     *,
     is_live: bool,
+    sink: "Sink | None" = None,
 ) -> "EpisodeRecord":
     from tqdm import tqdm
 
@@ -202,6 +231,7 @@ def _simulate(
             progress=progress,
             sensors_file=sensors_file,
             is_live=is_live,
+            sink=sink,
         )
         bar.total = bar.n  # An episode may end before its time is over.
         bar.refresh()

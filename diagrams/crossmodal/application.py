@@ -24,6 +24,7 @@ from crossmodal.diagrams.crossmodal.scenario import SCENARIO_FOLDER, Scenario, r
 from crossmodal.diagrams.crossmodal.studies.experiments import EXPERIMENTS
 from crossmodal.diagrams.crossmodal.task import task_in_words
 from crossmodal.diagrams.joints.joint_truth import MECHANICS_QUANTITY, TRUTH_QUANTITIES
+from crossmodal.diagrams.joints.perceived_object import perceived_object
 from crossmodal.diagrams.run.application import Application
 
 APPLICATION = Application(
@@ -45,6 +46,8 @@ APPLICATION = Application(
     pictures=lambda scenario: ("color_measured",),
     topics=lambda scenario: TOPICS,
     evaluate=evaluate,
+    perceived=perceived_object,
+    acting=lambda scenario: scenario.acting_modality,
     task_in_words=task_in_words,
     view=add_view,
     controls=make_controls,

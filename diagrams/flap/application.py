@@ -17,6 +17,7 @@ from crossmodal.diagrams.flap.estimator_names import COLORS, LABELS
 from crossmodal.diagrams.flap.experiments import EXPERIMENTS
 from crossmodal.diagrams.flap.meshcat_view import add_view
 from crossmodal.diagrams.flap.own_tool import keep_files, own_tool_assignments
+from crossmodal.diagrams.flap.perceived_tool import perceived_tool
 from crossmodal.diagrams.flap.results.metrics import METRICS, OVERVIEW
 from crossmodal.diagrams.flap.results.results import evaluate
 from crossmodal.diagrams.flap.results.task import task_in_words
@@ -40,6 +41,8 @@ APPLICATION = Application(
     pictures=lambda scenario: ("color_measured",),
     topics=lambda scenario: TOPICS,
     evaluate=evaluate,
+    perceived=perceived_tool,
+    acting=lambda scenario: scenario.acting_estimator,
     task_in_words=task_in_words,
     view=add_view,
     controls=lambda scenario: camera_controls(scenario.cameras),

@@ -16,9 +16,10 @@ from crossmodal.diagrams.run.calibration import Calibration
 from crossmodal.diagrams.run.experiment import CampaignPlot, Column, Experiment, Metric
 from crossmodal.diagrams.run.live.controls import Control
 from crossmodal.diagrams.run.own_object import OwnObject
-from crossmodal.diagrams.run.record import EpisodeRecord, Event, Quantity
+from crossmodal.diagrams.run.record import EpisodeRecord, Event, Quantity, Tick
 from crossmodal.diagrams.run.scenario import Scenario
 from crossmodal.diagrams.run.sensor_streams.codecs import Topic
+from crossmodal.systems.object_models.articulated_object import ArticulatedObject
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -103,6 +104,10 @@ class Application:
         topics: How the streams of single ports of a scenario are written to `sensors.mcap`, where
             the usual way for their type will not do.
         evaluate: From what was recorded to what is shown of it.
+        perceived: The articulated object as an estimator perceives it at a tick, by that of the
+            tick before and the estimator's quantities; None where it has found none. What
+            `crossmodal export` writes and `crossmodal stream` shows.
+        acting: The estimator that the robot acts by, in a scenario.
         close_loop: Lets the station act by what its estimators say: connects them.
         view: Adds systems that draw into Meshcat what is believed; returns the paths of what can be
             shown in place of each other, by name.
@@ -135,6 +140,8 @@ class Application:
     station_quantities: Callable[[Any], Sequence[Quantity]] = lambda scenario: ()
     pictures: Callable[[Any], Sequence[str]] = lambda scenario: ()
     topics: Callable[[Any], Mapping[str, Topic]] = lambda scenario: {}
+    perceived: Callable[[ArticulatedObject | None, Tick], ArticulatedObject | None] | None = None
+    acting: Callable[[Any], str] = lambda scenario: ""
     close_loop: Callable[[DiagramBuilder, Any, System, Mapping[str, System]], None] = (
         lambda builder, scenario, station, estimators: None
     )

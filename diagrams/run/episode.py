@@ -5,7 +5,7 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pydrake.geometry import Meshcat, MeshcatVisualizer, MeshcatVisualizerParams
 from pydrake.systems.analysis import Simulator
@@ -30,6 +30,9 @@ from crossmodal.diagrams.run.ticks import advance_by_ticks
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line, suggestion
 from crossmodal.maths.compiled import compilation_timed
 from crossmodal.systems.compile_ahead import compile_ahead
+
+if TYPE_CHECKING:
+    from crossmodal.diagrams.run.stream.sinks import Sink
 
 SCENE_PORT = "cheat_query_object"  # Of a station whose scene Meshcat can draw.
 
@@ -108,8 +111,9 @@ class Episode:
         meshcat: Meshcat | None = None,
         sensors_file: Path | None = None,
         is_live: bool = False,
+        sink: "Sink | None" = None,
     ) -> None:
-        self._scenario = scenario
+        self._scenario, self._sink = scenario, sink
         self._meshcat = meshcat
         self.session: LiveSession | None = None
         self._is_live = is_live
@@ -159,6 +163,17 @@ class Episode:
                 self.estimators,
                 sensors_file,
             )
+        if self._sink is not None:
+            ports = [station.get_output_port(k) for k in range(station.num_output_ports())]
+            models = {
+                port.get_name(): port.Allocate().get_value()
+                for port in ports
+                if port.get_data_type() == PortDataType.kAbstractValued
+            }
+            add_stream(
+                builder, self._sink, application, scenario, self.calibration, station,
+                self.estimators, models,
+            )  # fmt: skip
         if self._meshcat is not None and station.HasOutputPort(SCENE_PORT):
             layers: Mapping[str, str] = {}
             if application.view is not None:
@@ -279,7 +294,7 @@ def connect_recorder(
     builder: DiagramBuilder,
     station: System,
     estimators: Mapping[str, System],
-    recorder: EpisodeRecorder,
+    recorder: System,
 ) -> None:
     """Connects what station and estimators have of the recorder's ports."""
     for index in range(recorder.num_input_ports()):
@@ -288,6 +303,30 @@ def connect_recorder(
         if station.HasOutputPort(name):
             builder.Connect(station.GetOutputPort(name), port)
     connect_latest(builder, estimators, recorder)
+
+
+def add_stream(
+    builder: DiagramBuilder,
+    sink: "Sink",
+    application: Application,
+    scenario: Scenario,
+    calibration: Calibration,
+    station: System,
+    estimators: Mapping[str, System],
+    models: Mapping[str, Any],
+) -> None:
+    """Adds what sends images and estimates to a viewer.
+
+    Args:
+        sink: Takes the messages.
+        station: What gives the images: the station, or a recording.
+        models: Values like those of its ports.
+    """
+    from crossmodal.diagrams.run.stream.estimate_stream import EstimateStream
+
+    system = EstimateStream(sink, application, scenario, calibration, list(estimators), models)
+    builder.AddNamedSystem("stream", system)
+    connect_recorder(builder, station, estimators, system)
 
 
 def connect_latest(
@@ -364,6 +403,7 @@ def run_episode(
     progress: Callable[[float], None] | None = None,
     sensors_file: Path | None = None,
     is_live: bool = False,
+    sink: "Sink | None" = None,
 ) -> EpisodeRecord:
     """Builds and simulates one episode.
 
@@ -373,6 +413,7 @@ def run_episode(
         progress: Called with the simulated time [s], about once per tick.
         sensors_file: Where to keep the sensor streams, so that they can be replayed.
         is_live: Whether a person at the page may pause, end and change it.
+        sink: Takes images and estimates, for a viewer.
     """
     compile_ahead(application.name)
-    return Episode(application, scenario, meshcat, sensors_file, is_live).Run(progress)
+    return Episode(application, scenario, meshcat, sensors_file, is_live, sink).Run(progress)

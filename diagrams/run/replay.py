@@ -7,6 +7,7 @@ where that is known, in the recording.
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from time import perf_counter
+from typing import TYPE_CHECKING
 
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, System
@@ -14,6 +15,7 @@ from pydrake.systems.sensors import ImageRgba8U
 
 from crossmodal.diagrams.run.application import Application
 from crossmodal.diagrams.run.episode import (
+    add_stream,
     build_estimators,
     building,
     connect_recorder,
@@ -30,6 +32,9 @@ from crossmodal.diagrams.run.ticks import advance_by_ticks
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 from crossmodal.systems.compile_ahead import compile_ahead
 from crossmodal.systems.port_values import StampedImage
+
+if TYPE_CHECKING:
+    from crossmodal.diagrams.run.stream.sinks import Sink
 
 
 def check_recorded(folder: Path, overrides: Sequence[str] = ()) -> Path:
@@ -59,6 +64,7 @@ def replay(
     scenario: Scenario,
     estimators: Mapping[str, System] | None = None,
     progress: Callable[[float], None] | None = None,
+    sink: "Sink | None" = None,
 ) -> EpisodeRecord:
     """Runs estimators side by side on the streams that a run has recorded.
 
@@ -68,6 +74,7 @@ def replay(
         scenario: As it was run, but for what perceives.
         estimators: By name; by default those of the scenario.
         progress: Called with the time [s] since the recording's start, about once per tick.
+        sink: Takes images and estimates, for a viewer.
 
     Raises:
         ScenarioError: if the recording is damaged, lacks a stream that an estimator needs, or was
@@ -111,6 +118,9 @@ def replay(
             builder.Connect(heard(port.get_name()), port)
     builder.AddNamedSystem("recorder", recorder)
     connect_recorder(builder, source, estimators, recorder)
+    if sink is not None:
+        held = {stream.port: stream.model for stream in log.streams}
+        add_stream(builder, sink, application, scenario, calibration, source, estimators, held)
     simulator = Simulator(builder.Build())
     simulator.Initialize()
     began = perf_counter()

@@ -11,6 +11,7 @@ from crossmodal.maths.arrays import Array
 from crossmodal.maths.immutable import Immutable
 from crossmodal.systems.kinematics.joint_filters import JointFilters
 from crossmodal.systems.kinematics.joint_filters_config import JointFiltersConfig
+from crossmodal.systems.object_models.articulated_object import screw_of
 from crossmodal.systems.port_values import JointBelief, JointModelBelief, JointType
 from crossmodal.systems.pose_tracks.pose_track import (
     PoseTrack,
@@ -198,12 +199,7 @@ def estimate_track(
 
 def screw(belief: JointBelief) -> Array:
     """The unit screw (6,) of the most probable type, in the parent's frame."""
-    model = belief.model
-    if belief.type == JointType.PRISMATIC:
-        return np.concatenate([np.zeros(3), model.axis_P])
-    climb = model.pitch if belief.type == JointType.SCREW else 0.0
-    moment = np.cross(model.p_PA, model.axis_P) + climb * model.axis_P
-    return np.concatenate([model.axis_P, moment])
+    return screw_of(belief.type, belief.model)
 
 
 def along_path(found: JointEstimate) -> JointEstimate:

@@ -25,6 +25,7 @@ from pydrake.common.yaml import yaml_dump_typed
 
 from crossmodal.diagrams.run.application import Application, Results
 from crossmodal.diagrams.run.folder.fingerprint import fingerprint, versions
+from crossmodal.diagrams.run.folder.perceived_file import PERCEIVED_FILE, as_text, perceived
 from crossmodal.diagrams.run.record import EpisodeRecord
 from crossmodal.diagrams.run.scenario import Scenario
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line
@@ -37,7 +38,10 @@ SENSORS_FILE = "sensors.mcap"
 PAGE_FILE = "report.html"
 PLOT_FOLDER = "figures"
 # What a run may write whatever its application is.
-FILES = (SCENARIO_FILE, ESTIMATES_FILE, SUMMARY_FILE, MESHCAT_FILE, SENSORS_FILE, PAGE_FILE)
+FILES = (
+    *(SCENARIO_FILE, ESTIMATES_FILE, SUMMARY_FILE, PERCEIVED_FILE),
+    *(MESHCAT_FILE, SENSORS_FILE, PAGE_FILE),
+)
 
 
 def default_folder(scenario: Scenario) -> Path:
@@ -215,6 +219,8 @@ class RunWriter:
         self.missing = list(record.missing)
         self.written = [] if record.sensors_file is None else [record.sensors_file]
         self._names = [SCENARIO_FILE, *application.keep_files(record.scenario)[1], ESTIMATES_FILE]
+        self._perceived = perceived(application, record)
+        self._names += [PERCEIVED_FILE] if self._perceived.estimators else []
         self._names += [f"{PLOT_FOLDER}/{name}" for name in results.plots]
         self._names += [MESHCAT_FILE] if record.meshcat_html is not None else []
         self._names += [SENSORS_FILE] if record.sensors_file is not None else []
@@ -234,6 +240,9 @@ class RunWriter:
         self._write(
             ESTIMATES_FILE, lambda path: self._results.estimates.to_parquet(path, index=False)
         )
+        if PERCEIVED_FILE in self._names:
+            text = as_text(self._perceived)
+            self._write(PERCEIVED_FILE, lambda path: path.write_text(text, encoding="utf-8"))
         if {SCENARIO_FILE, ESTIMATES_FILE} <= {path.name for path in self.written}:
             self._write_summary()
 

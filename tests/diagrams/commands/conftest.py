@@ -40,6 +40,7 @@ def fake_episode(monkeypatch: pytest.MonkeyPatch) -> types.SimpleNamespace:
         progress: Progress = None,
         sensors_file: Path | None = None,
         is_live: bool = False,
+        sink: Any = None,
     ) -> EpisodeRecord:
         import warnings
 

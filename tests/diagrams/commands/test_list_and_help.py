@@ -17,7 +17,8 @@ def test_help_teaches_by_example_and_needs_no_heavy_import() -> None:
         "assert not heavy, heavy"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
-    names = ("list", "run", "replay", "evaluate", "ablate", "diagram", "train", "compare")
+    names = ("list", "run", "replay", "evaluate", "ablate", "diagram", "train", "compare", "export")
+    names += ("stream",)
     for command in (
         [],
         *([name] for name in names),

@@ -37,6 +37,7 @@ from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 FILES = {
     "scenario.yaml",
     "estimates.parquet",
+    "perceived.yaml",
     "figures/errors.png",
     "figures/frames.png",
     "figures/configuration.png",
@@ -108,8 +109,8 @@ def test_on_a_full_disk_only_the_large_files_are_missing_and_the_run_is_not_comp
     writer.write_results()
     writer.write_pictures()
     there = {path.name for path in tmp_path.rglob("*") if path.is_file()}
-    assert there == {"scenario.yaml", "estimates.parquet", "summary.json", "errors.png",
-                     "configuration.png", "report.html"}  # fmt: skip
+    assert there == {"scenario.yaml", "estimates.parquet", "summary.json", "perceived.yaml",
+                     "errors.png", "configuration.png", "report.html"}  # fmt: skip
     assert writer.missing == [
         f"{tmp_path / name}: cannot be written: No space left on device"
         for name in ("figures/frames.png", "meshcat.html")
@@ -264,7 +265,14 @@ def whole_run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, EpisodeRe
 @pytest.mark.parametrize("damage", DAMAGES)
 @pytest.mark.parametrize(
     "name",
-    ["scenario.yaml", "estimates.parquet", "summary.json", "report.html", "figures/b.png"],
+    [
+        "scenario.yaml",
+        "estimates.parquet",
+        "summary.json",
+        "perceived.yaml",
+        "report.html",
+        "figures/b.png",
+    ],
 )
 def test_a_run_with_a_damaged_file_is_not_finished_and_is_written_again(
     tmp_path: Path, whole_run: tuple[Path, EpisodeRecord, Results], name: str, damage: Damage
@@ -356,7 +364,8 @@ def test_an_error_while_drawing_loses_nothing_but_that_picture(tmp_path: Path) -
     writer = RunWriter(tmp_path, APPLICATION, record, results)
     writer.write_results()
     writer.write_pictures()
-    names = {"scenario.yaml", "estimates.parquet", "summary.json", "c.png", "report.html"}
+    names = {"scenario.yaml", "estimates.parquet", "summary.json", "perceived.yaml", "c.png"}
+    names |= {"report.html"}
     assert {path.name for path in writer.written} == names
     assert len(writer.written) == len(names)
     first, second = writer.missing

@@ -1,0 +1,91 @@
+"""`crossmodal export`."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from crossmodal.diagrams.commands.endings import one_line_errors
+from crossmodal.diagrams.commands.options import ForceOption
+
+if TYPE_CHECKING:
+    from crossmodal.diagrams.run.application import Application
+    from crossmodal.diagrams.run.folder.perceived_file import Perceived
+
+EXAMPLES = (
+    "Examples:  crossmodal run drawer --out runs/a, then  crossmodal export runs/a --to urdf"
+    "   |   crossmodal export runs/a --to sdf --estimator vision --out seen.sdf"
+)
+
+
+def export_command(
+    run: Annotated[Path, typer.Argument(help="Folder of a run.")],
+    to: Annotated[str, typer.Option(metavar="urdf|sdf", help="Form of the model.")],
+    out: Annotated[
+        Path | None, typer.Option(help="File. [default: RUN/object.urdf or .sdf]")
+    ] = None,
+    estimator: Annotated[
+        str, typer.Option(help="Whose estimates. [default: those that the robot acted by]")
+    ] = "",
+    force: ForceOption = False,
+) -> None:
+    """Write the object as a run perceived it as a model: joints, limits, friction, boxes."""
+    with one_line_errors():
+        from crossmodal.diagrams.applications import load_scenario
+        from crossmodal.diagrams.run.folder.run_folder import SCENARIO_FILE, write_text
+        from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, suggestion
+        from crossmodal.systems.object_models.model_text import as_name
+        from crossmodal.systems.object_models.sdf import sdf
+        from crossmodal.systems.object_models.urdf import urdf
+
+        writers = {"urdf": urdf, "sdf": sdf}
+        if to not in writers:
+            raise ScenarioError(f"--to = '{to}', need urdf or sdf")
+        path = out or run / f"object.{to}"
+        if path.exists() and not force:
+            raise ScenarioError(f"{path}: exists already; replace it with --force, or name --out")
+        if not (run / SCENARIO_FILE).is_file():
+            raise ScenarioError(f"{run}: holds no {SCENARIO_FILE}; name the folder of a run")
+        application, scenario = load_scenario(str(run / SCENARIO_FILE))
+        if application.perceived is None:
+            raise ScenarioError(
+                f"{run}: the application '{application.name}' perceives no articulated object"
+            )
+        known = _perceived(run, application, scenario).estimators
+        if not known:
+            raise ScenarioError(f"{run}: no joint was perceived, so that there is none to write")
+        acting = application.acting(scenario)
+        chosen = estimator or (acting if acting in known else next(iter(known)))
+        if chosen not in known:
+            raise ScenarioError(f"--estimator = '{chosen}': {suggestion(chosen, known)}")
+        try:
+            model = writers[to](known[chosen], as_name(scenario.name))
+        except ValueError as error:
+            raise ScenarioError(f"{run}: {error}") from None
+        typer.echo(f"{write_text(path, model)}: as '{chosen}' perceived it")
+
+
+def _perceived(run: Path, application: "Application", scenario: Any) -> "Perceived":
+    """What the run has kept; a recording that nobody has perceived is perceived now."""
+    from tqdm import tqdm
+
+    from crossmodal.diagrams.run.folder.perceived_file import (
+        PERCEIVED_FILE,
+        perceived,
+        read_perceived,
+    )
+    from crossmodal.diagrams.run.folder.run_folder import SENSORS_FILE
+    from crossmodal.diagrams.run.replay import replay
+    from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
+
+    if (run / PERCEIVED_FILE).is_file():
+        return read_perceived(run)
+    if not (run / SENSORS_FILE).is_file():
+        raise ScenarioError(f"{run}: holds no {PERCEIVED_FILE} or {SENSORS_FILE}; run it again")
+    with tqdm(desc="perceiving the recording", unit="tick", disable=None) as bar:
+
+        def progress(_: float) -> None:
+            bar.update()
+
+        record = replay(application, run, scenario, progress=progress)
+    return perceived(application, record)

@@ -1,0 +1,47 @@
+"""`crossmodal stream`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from crossmodal.diagrams.commands.endings import one_line_errors
+from crossmodal.diagrams.commands.options import ForceOption, SetOption
+
+EXAMPLES = (
+    "Examples:  crossmodal run drawer --record-sensors --out runs/a, then"
+    "  crossmodal stream runs/a --to a.mcap   |   crossmodal stream runs/a --to foxglove:8765"
+    "   |   live: crossmodal run drawer --stream foxglove"
+)
+
+
+def stream_command(
+    run: Annotated[Path, typer.Argument(help="Folder of a run with --record-sensors.")],
+    to: Annotated[
+        str, typer.Option(metavar="FILE.mcap|foxglove[:PORT]", help="A file, or a live viewer.")
+    ],
+    force: ForceOption = False,
+    overrides: SetOption = None,
+) -> None:
+    """Show a run's images, frames and estimates in Foxglove, Rerun or RViz."""
+    with one_line_errors():
+        from tqdm import tqdm
+
+        from crossmodal.diagrams.applications import load_scenario
+        from crossmodal.diagrams.run.replay import check_recorded, replay
+        from crossmodal.diagrams.run.stream.sinks import McapFile, opened_sink
+
+        changes = overrides or []
+        application, scenario = load_scenario(str(check_recorded(run, changes)), changes)
+        with (
+            opened_sink(to, force=force) as sink,
+            tqdm(desc=f"{scenario.name}, seed {scenario.seed}", unit="tick", disable=None) as bar,
+        ):
+            typer.echo(f"Streaming to {sink.place}")
+
+            def progress(_: float) -> None:
+                bar.update()
+
+            replay(application, run, scenario, progress=progress, sink=sink)
+        if isinstance(sink, McapFile):
+            typer.echo(f"Open {sink.place} in Foxglove or Rerun")

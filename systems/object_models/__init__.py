@@ -1,0 +1,1 @@
+"""Articulated objects as they are perceived, and as models that simulators read."""

@@ -1,6 +1,5 @@
 """Writes what came out of experiments: CSV, Markdown, plots and a page that shows all of it."""
 
-import base64
 import contextlib
 import datetime
 import io
@@ -13,7 +12,7 @@ from pathlib import Path
 import pandas as pd
 from PIL import Image
 
-from crossmodal.diagrams.drawing.page import render
+from crossmodal.diagrams.drawing.page import png_address, render
 from crossmodal.diagrams.drawing.plot_style import save
 from crossmodal.diagrams.evaluation.campaign import Campaign, Summary, episode_folder
 from crossmodal.diagrams.evaluation.metric_table import (
@@ -198,11 +197,7 @@ def _reason(summary: Summary) -> str:
 
 def inline(path: Path) -> str:
     """A picture as an address that holds it."""
-    return _address(path.read_bytes())
-
-
-def _address(png: bytes) -> str:
-    return "data:image/png;base64," + base64.b64encode(png).decode()
+    return png_address(path.read_bytes())
 
 
 def _thumbnail(path: Path) -> str:
@@ -211,4 +206,4 @@ def _thumbnail(path: Path) -> str:
     small.thumbnail(_THUMBNAIL)
     buffer = io.BytesIO()
     small.save(buffer, "PNG", optimize=True)
-    return _address(buffer.getvalue())
+    return png_address(buffer.getvalue())

@@ -11,6 +11,7 @@ from crossmodal.diagrams.clutter.estimators import (
     make_calibration,
     make_estimators,
 )
+from crossmodal.diagrams.clutter.glossary import GLOSSARY
 from crossmodal.diagrams.clutter.meshcat_view import add_view
 from crossmodal.diagrams.clutter.own_mesh import keep_files, own_mesh_assignments
 from crossmodal.diagrams.clutter.results.declutter_results import declutter_metrics
@@ -72,6 +73,7 @@ APPLICATION = Application(
     evaluate=evaluate,
     view=add_view,
     controls=lambda scenario: camera_controls(scenario.cameras),
+    glossary=GLOSSARY,
     labels=LABELS,
     colors=COLORS,
     metrics=[*metrics(), *declutter_metrics()],

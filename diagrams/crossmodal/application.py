@@ -14,6 +14,7 @@ from crossmodal.diagrams.crossmodal.episode_parts import (
     make_estimators,
     make_station,
 )
+from crossmodal.diagrams.crossmodal.glossary import GLOSSARY
 from crossmodal.diagrams.crossmodal.meshcat_view import add_view
 from crossmodal.diagrams.crossmodal.modalities import COLORS, LABELS
 from crossmodal.diagrams.crossmodal.own_object import keep_files, own_object_assignments
@@ -50,6 +51,8 @@ APPLICATION = Application(
     controls=make_controls,
     own_object=own_object_assignments,
     keep_files=keep_files,
+    glossary=GLOSSARY,
+    portrait="frames.png",
     labels=LABELS,
     colors=COLORS,
     metrics=METRICS,

@@ -15,6 +15,7 @@ from crossmodal.diagrams.flap.episode_parts import (
 )
 from crossmodal.diagrams.flap.estimator_names import COLORS, LABELS
 from crossmodal.diagrams.flap.experiments import EXPERIMENTS
+from crossmodal.diagrams.flap.glossary import GLOSSARY
 from crossmodal.diagrams.flap.meshcat_view import add_view
 from crossmodal.diagrams.flap.own_tool import keep_files, own_tool_assignments
 from crossmodal.diagrams.flap.results.metrics import METRICS, OVERVIEW
@@ -45,6 +46,8 @@ APPLICATION = Application(
     controls=lambda scenario: camera_controls(scenario.cameras),
     own_object=own_tool_assignments,
     keep_files=keep_files,
+    glossary=GLOSSARY,
+    portrait="frames.png",
     labels=LABELS,
     colors=COLORS,
     metrics=METRICS,

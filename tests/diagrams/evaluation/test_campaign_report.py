@@ -46,7 +46,7 @@ def test_the_page_holds_every_picture_and_every_reason(tmp_path: Path) -> None:
     }  # fmt: skip
     page = (tmp_path / "report.html").read_text()
     sources = re.findall(r'src="([^"]*)"', page)
-    assert len(sources) == 4
+    assert len(sources) == 5
     assert all(source.startswith("data:image/png;base64,") for source in sources)
     assert "no &lt;way&gt;" in page
     for link in re.findall(r'href="([^"]*)"', page):
@@ -68,7 +68,7 @@ def test_the_overview_holds_all_experiments(tmp_path: Path) -> None:
         write_campaign(campaign, "")
     write_overview(campaigns, tmp_path, "made so")
     table = (tmp_path / "table.md").read_text()
-    assert "| all | 4/6 (67 %) |" in table
+    assert "| all | 4/6 |" in table
     assert "## drawer-lights-off: 3 episodes, seeds 1 to 3" in table
     assert set(pd.read_csv(tmp_path / "results.csv").experiment) == {"drawer", "drawer-lights-off"}
     page = (tmp_path / "report.html").read_text()

@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from crossmodal.diagrams.commands.endings import one_line_errors
+from crossmodal.diagrams.commands.listings import complete_scenario
 
 EXAMPLES = (
     "Examples:  crossmodal show drawer control.exploration   |   crossmodal show drawer"
@@ -23,6 +24,7 @@ def show_command(
         typer.Argument(
             help="A scenario, see 'crossmodal list', or a YAML file; or a run's folder.",
             metavar="SCENARIO|RUN",
+            autocompletion=complete_scenario,
         ),
     ],
     key: Annotated[

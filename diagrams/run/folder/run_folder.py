@@ -35,9 +35,18 @@ SUMMARY_FILE = "summary.json"
 MESHCAT_FILE = "meshcat.html"
 SENSORS_FILE = "sensors.mcap"
 PAGE_FILE = "report.html"
+LOG_FILE = "log.txt"
 PLOT_FOLDER = "figures"
 # What a run may write whatever its application is.
-FILES = (SCENARIO_FILE, ESTIMATES_FILE, SUMMARY_FILE, MESHCAT_FILE, SENSORS_FILE, PAGE_FILE)
+FILES = (
+    SCENARIO_FILE,
+    ESTIMATES_FILE,
+    SUMMARY_FILE,
+    MESHCAT_FILE,
+    SENSORS_FILE,
+    PAGE_FILE,
+    LOG_FILE,
+)
 
 
 def default_folder(scenario: Scenario) -> Path:
@@ -197,6 +206,7 @@ class RunWriter:
         results: Of the record.
         only_own: Whether pictures by the names of its own are of an earlier run in any case, as in
             an evaluation, where that run's summary may be lost.
+        log: What happened; empty where somebody else keeps it.
     """
 
     def __init__(
@@ -207,6 +217,7 @@ class RunWriter:
         results: Results,
         *,
         only_own: bool = False,
+        log: str = "",
     ) -> None:
         self._folder, self._earlier = folder, files_of_run(folder)
         if only_own:
@@ -218,7 +229,8 @@ class RunWriter:
         self._names += [f"{PLOT_FOLDER}/{name}" for name in results.plots]
         self._names += [MESHCAT_FILE] if record.meshcat_html is not None else []
         self._names += [SENSORS_FILE] if record.sensors_file is not None else []
-        self._names += [PAGE_FILE]
+        self._names += [PAGE_FILE, *([LOG_FILE] if log else [])]
+        self._log = log
         self.summary = summarise(application, record, results)
         self.summary |= {"files": self._names, "checksums": {}}
 
@@ -234,6 +246,8 @@ class RunWriter:
         self._write(
             ESTIMATES_FILE, lambda path: self._results.estimates.to_parquet(path, index=False)
         )
+        if self._log:
+            self._write(LOG_FILE, lambda path: path.write_text(self._log, encoding="utf-8"))
         if {SCENARIO_FILE, ESTIMATES_FILE} <= {path.name for path in self.written}:
             self._write_summary()
 

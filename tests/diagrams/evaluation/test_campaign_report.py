@@ -102,7 +102,7 @@ def test_an_interrupted_evaluation_says_so_beside_every_count(tmp_path: Path) ->
         together = (tmp_path / file).read_text()
         assert "all: 2 of 6, interrupted" in together
         assert "drawer-lights-off: 0 of 3, interrupted" in together
-        assert "%)" not in together.split("drawer: 2 of 3, interrupted: seeds")[0]
+        assert " %)" not in together.split("drawer: 2 of 3, interrupted: seeds")[0]
         for text in (own, together):
             assert re.search(r"--seeds 1:4`?, interrupted, crossmodal", text)
 

@@ -25,13 +25,13 @@ from crossmodal.diagrams.commands import (
     train,
 )
 from crossmodal.diagrams.commands.endings import BAD_INPUT
+from crossmodal.diagrams.commands.scenario_help import CommandOfScenario
 
 app = typer.Typer(
     help="Interactive perception in Drake: a robot moves something and reads what vision,"
     " proprioception and touch say together.",
     epilog="Start with:  crossmodal run drawer",
     no_args_is_help=True,
-    add_completion=False,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -62,7 +62,7 @@ def _options(
 
 app.command("list", epilog=list_names.EXAMPLES)(list_names.list_command)
 app.command("show", epilog=show.EXAMPLES)(show.show_command)
-app.command("run", epilog=run.EXAMPLES)(run.run_command)
+app.command("run", epilog=run.EXAMPLES, cls=CommandOfScenario)(run.run_command)
 app.command("inspect", epilog=inspect.EXAMPLES)(inspect.inspect_command)
 app.command("replay", epilog=replay.EXAMPLES)(replay.replay_command)
 app.command("export", epilog=export.EXAMPLES)(export.export_command)

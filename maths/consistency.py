@@ -45,3 +45,10 @@ def share_inside(values: Array, degrees: int) -> float:
         return float("nan")
     low, high = chi_square_bounds(degrees)
     return float(np.mean((values >= low) & (values <= high)))
+
+
+def share_above(values: Array, degrees: int) -> float:
+    """Share of NEES above their 95 % bounds, of errors too large for what was reported; or NaN."""
+    if len(values) == 0:
+        return float("nan")
+    return float(np.mean(values > chi_square_bounds(degrees)[1]))

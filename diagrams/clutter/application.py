@@ -11,19 +11,20 @@ from crossmodal.diagrams.clutter.estimators import (
     make_calibration,
     make_estimators,
 )
+from crossmodal.diagrams.clutter.glossary import GLOSSARY
+from crossmodal.diagrams.clutter.listing import LISTING
 from crossmodal.diagrams.clutter.meshcat_view import add_view
 from crossmodal.diagrams.clutter.own_mesh import keep_files, own_mesh_assignments
 from crossmodal.diagrams.clutter.results.declutter_results import declutter_metrics
 from crossmodal.diagrams.clutter.results.results import evaluate, metrics
 from crossmodal.diagrams.clutter.scenario import (
-    SCENARIO_FOLDER,
     Scenario,
     object_names,
     resolve,
 )
 from crossmodal.diagrams.clutter.station.station import close_loop, make_station
 from crossmodal.diagrams.run.application import Application
-from crossmodal.diagrams.run.experiment import Column, Experiment
+from crossmodal.diagrams.run.experiment import Column
 from crossmodal.diagrams.run.record import Quantity
 from crossmodal.diagrams.stations.camera_controls import camera_controls
 from crossmodal.plants.goods.clutter_density import NO_DENSITY
@@ -47,10 +48,10 @@ _OF_CLUTTER = [
 ]
 
 APPLICATION = Application(
-    name="clutter",
-    description="finds where a known object is, by views and touches that are chosen",
+    name=LISTING.name,
+    description=LISTING.description,
     scenario=Scenario,
-    scenarios=SCENARIO_FOLDER,
+    scenarios=LISTING.scenarios,
     resolve=resolve,
     make_calibration=make_calibration,
     make_station=make_station,
@@ -72,36 +73,10 @@ APPLICATION = Application(
     evaluate=evaluate,
     view=add_view,
     controls=lambda scenario: camera_controls(scenario.cameras),
+    glossary=GLOSSARY,
     labels=LABELS,
     colors=COLORS,
     metrics=[*metrics(), *declutter_metrics()],
-    experiments={
-        "clutter": Experiment(
-            scenario="clutter",
-            description="robots clear the way to an object in dense clutter, then look and touch",
-        ),
-        "declutter": Experiment(
-            scenario="declutter", description="the same without looking and touching afterwards"
-        ),
-        "pose": Experiment(
-            scenario="pose", description="robots: three views, then seven touches, all chosen"
-        ),
-        "pose-estimation": Experiment(
-            scenario="pose-estimation", description="a rig in place of robots: the same"
-        ),
-        "touches": Experiment(
-            scenario="touches", description="three touches by lot, then four chosen ones"
-        ),
-        "touches-held": Experiment(
-            scenario="touches-held", description="the same of an object that is held up"
-        ),
-        "touches-near": Experiment(
-            scenario="touches-near", description="the same from a guess that is 1 to 2 cm off"
-        ),
-        "touches-faults": Experiment(
-            scenario="touches-faults",
-            description="as touches, with a real finger, a wrong calibration and false contacts",
-        ),
-    },
+    experiments=LISTING.experiments,
     overview=[Column(header="ADI at the end", metric="adi", estimator="density")],
 )

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from crossmodal.diagrams.commands.endings import one_line_errors
+from crossmodal.diagrams.commands.listings import complete_connection
 
 TABLE_FILE = "ablations.md"
 EXAMPLES = "Example:  crossmodal ablate body-in-the-hand --seeds 0:5"
@@ -15,7 +16,10 @@ EXAMPLES = "Example:  crossmodal ablate body-in-the-hand --seeds 0:5"
 def ablate_command(
     names: Annotated[
         list[str] | None,
-        typer.Argument(help="Flows to cut, see crossmodal list. [default: all of them]"),
+        typer.Argument(
+            help="Flows to cut, see crossmodal list. [default: all of them]",
+            autocompletion=complete_connection,
+        ),
     ] = None,
     seeds: Annotated[
         str, typer.Option(help="Like 0:3 (without 3), 5,7 or 20 (from 0 on).")

@@ -19,6 +19,9 @@ def compare_command(
     out: Annotated[
         Path | None, typer.Option(help="Page with pictures, an HTML file. [default: none]")
     ] = None,
+    every: Annotated[
+        bool, typer.Option("--all", help="Print all rows, not only the first eight.")
+    ] = False,
     force: Annotated[bool, typer.Option("--force", help="Replace the page.")] = False,
 ) -> None:
     """Show runs or evaluations side by side: figures, their differences, scenarios, pictures."""
@@ -26,6 +29,7 @@ def compare_command(
         from crossmodal.diagrams.applications import find_application
         from crossmodal.diagrams.evaluation.campaign_report import made_by
         from crossmodal.diagrams.evaluation.comparison import (
+            MAIN_ROWS,
             comparison,
             comparison_page,
             read_compared,
@@ -44,7 +48,7 @@ def compare_command(
             read_compared(folder, name, find_application)
             for folder, name in zip(folders, names, strict=True)
         ]
-        typer.echo(comparison(compared))
+        typer.echo(comparison(compared, most=None if every else MAIN_ROWS))
         if out is not None:
             origin = made_by(f"crossmodal compare {' '.join(map(str, folders))}")
             typer.echo(f"  {write_text(out, comparison_page(compared, origin))}")

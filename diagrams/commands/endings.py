@@ -6,10 +6,13 @@ import logging
 import signal
 import warnings
 from collections.abc import Iterator
+from functools import partial
 from types import FrameType
 from typing import Any, TextIO
 
 import typer
+
+from crossmodal.diagrams.commands.run_log import RunLog
 
 BAD_INPUT = 2
 FAILED = 1
@@ -17,14 +20,20 @@ INTERRUPTED = 130
 
 
 @contextlib.contextmanager
-def one_line_errors() -> Iterator[None]:
-    """Ends the command with one line and its exit status where the user's input is at fault."""
+def one_line_errors(log: RunLog | None = None) -> Iterator[None]:
+    """Ends the command with one line and its exit status where the user's input is at fault.
+
+    Args:
+        log: Keeps warnings and what Drake says.
+    """
     from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line
 
-    logging.getLogger("drake").addFilter(_is_error)  # Its level is set anew by each import.
+    drake = logging.getLogger("drake")  # Its level is set anew by each import.
+    chosen = _is_error if log is None else log.filter
+    drake.addFilter(chosen)
     try:
         with warnings.catch_warnings():
-            warnings.showwarning = _show_warning
+            warnings.showwarning = _show_warning if log is None else partial(_keep_warning, log)
             yield
     except ScenarioError as error:
         typer.echo(f"crossmodal: {error}", err=True)
@@ -41,6 +50,8 @@ def one_line_errors() -> Iterator[None]:
     except KeyboardInterrupt:
         typer.echo("crossmodal: interrupted; nothing unfinished is kept", err=True)
         raise typer.Exit(INTERRUPTED) from None
+    finally:
+        drake.removeFilter(chosen)
 
 
 def _is_error(record: logging.LogRecord) -> bool:
@@ -62,6 +73,13 @@ def _show_warning(
     else:
         text = warnings.formatwarning(message, category, filename, lineno, line)
         typer.echo(text, file=file, err=True, nl=False)
+
+
+def _keep_warning(
+    log: RunLog, message: Warning | str, category: type[Warning], *about: Any, **rest: Any
+) -> None:
+    log.note(f"warning: {message}")
+    _show_warning(message, category, *about, **rest)
 
 
 class GentleInterrupt:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from crossmodal.diagrams.commands.endings import FAILED, INTERRUPTED, one_line_errors
+from crossmodal.diagrams.commands.listings import complete_experiment
 from crossmodal.diagrams.commands.options import SetOption
 
 if TYPE_CHECKING:
@@ -20,7 +21,12 @@ EXAMPLES = (
 
 
 def evaluate_command(
-    experiment: Annotated[str, typer.Argument(help="See 'crossmodal list'; 'all' for all.")],
+    experiment: Annotated[
+        str,
+        typer.Argument(
+            help="See 'crossmodal list'; 'all' for all.", autocompletion=complete_experiment
+        ),
+    ],
     seeds: Annotated[
         str, typer.Option(help="Like 20 (from 0 on), 40:60 (without 60) or 1,4,9.")
     ] = "20",
@@ -37,6 +43,9 @@ def evaluate_command(
     address: Annotated[
         str, typer.Option(help="Of the Ray cluster. [default: the one on this machine]")
     ] = "",
+    duration: Annotated[
+        float | None, typer.Option(help="Longest simulated time of an episode, [s].")
+    ] = None,
     overrides: SetOption = None,
 ) -> None:
     """Repeat an experiment over seeds and write tables and plots beside the paper's figures."""
@@ -52,6 +61,9 @@ def evaluate_command(
             hint = suggestion(experiment, [*known, ALL])
             raise ScenarioError(f"unknown experiment '{experiment}'; {hint}")
         numbers = parse_seeds(seeds)
+        assignments = list(overrides or [])
+        if duration is not None:
+            assignments.append(f"duration={duration}")
         together = experiment == ALL
         top = out or Path("runs", "evaluate", "" if together else experiment)
         folders = {name: top / name for name in known} if together else {experiment: top}
@@ -59,14 +71,14 @@ def evaluate_command(
         connect(workers)
         command = " ".join(
             ["crossmodal evaluate", experiment, f"--seeds {seeds} --jobs {jobs}"]
-            + [f"--set {assignment}" for assignment in overrides or []]
+            + [f"--set {assignment}" for assignment in assignments]
         )
         campaigns, written, finished = [], list[Path](), True
         if together:
             check_folder(top)
         for name, folder in folders.items():
             chosen = known[name].experiments[name]
-            application, scenario = load_scenario(chosen.scenario, overrides or [])
+            application, scenario = load_scenario(chosen.scenario, assignments)
             campaigns.append(prepare(name, application, scenario, numbers, folder, force=force))
         for campaign in campaigns:
             finished = finished and _run_campaign(campaign, workers)

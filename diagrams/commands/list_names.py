@@ -10,18 +10,19 @@ EXAMPLES = "Example:  crossmodal list, then  crossmodal run cupboard-door"
 def list_command() -> None:
     """Show the scenarios, experiments, flows and networks that there are."""
     with one_line_errors():
-        from crossmodal.diagrams.applications import applications, load_scenario, scenarios_of
+        from crossmodal.diagrams.commands.listings import listings
         from crossmodal.diagrams.crossmodal.studies.ablations import ABLATIONS
+        from crossmodal.diagrams.run.listing import description_of
 
-        known = applications()
-        names = [name for application in known.values() for name in scenarios_of(application)]
-        width = max(map(len, names), default=0) + 1
-        for application in known.values():
+        known = listings()
+        files = {name: path for one in known for name, path in one.files().items()}
+        width = max(map(len, files), default=0) + 1
+        for application in known:
             if len(known) > 1:
                 typer.echo(f"{application.name}: {application.description}")
             typer.echo("Scenarios (crossmodal run NAME):")
-            for name, path in scenarios_of(application).items():
-                _line(name, load_scenario(str(path))[1].description, width)
+            for name, path in application.files().items():
+                _line(name, description_of(path, files), width)
             if application.experiments:
                 typer.echo("Experiments (crossmodal evaluate NAME):")
             for name, experiment in application.experiments.items():

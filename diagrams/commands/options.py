@@ -10,6 +10,10 @@ SetOption = Annotated[
         "--set", metavar="KEY.PATH=VALUE", help="Replace one value of the scenario; repeatable."
     ),
 ]
+VerboseOption = Annotated[
+    bool, typer.Option("-v", "--verbose", help="Print what happens, as log.txt will have it.")
+]
+QuietOption = Annotated[bool, typer.Option("-q", "--quiet", help="Print only what goes wrong.")]
 ForceOption = Annotated[
     bool, typer.Option("--force", help="Replace the files of an earlier run in the folder.")
 ]

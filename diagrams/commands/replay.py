@@ -6,7 +6,8 @@ from typing import Annotated
 import typer
 
 from crossmodal.diagrams.commands.endings import FAILED, INTERRUPTED, one_line_errors
-from crossmodal.diagrams.commands.options import ForceOption, SetOption
+from crossmodal.diagrams.commands.options import ForceOption, QuietOption, SetOption, VerboseOption
+from crossmodal.diagrams.commands.run_log import RunLog
 from crossmodal.diagrams.commands.run_output import write_and_report
 
 EXAMPLES = (
@@ -22,9 +23,13 @@ def replay_command(
     ] = None,
     force: ForceOption = False,
     overrides: SetOption = None,
+    verbose: VerboseOption = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Perceive a recorded run again, with other filters or connections, without simulating."""
-    with one_line_errors():
+    log = RunLog(verbose=verbose, quiet=quiet)
+    with one_line_errors(log):
+        log.begin("Loading the estimators and the recording")
         from tqdm import tqdm
 
         from crossmodal.diagrams.applications import load_scenario
@@ -39,13 +44,13 @@ def replay_command(
         numbered = out is None and not force
         with opened(out or run / "replay", force=force, numbered=numbered) as folder:
             title = f"{chosen.name}, seed {chosen.seed}"
-            with tqdm(desc=title, unit="tick", disable=None) as bar:
+            with tqdm(desc=title, unit="tick", disable=True if quiet else None) as bar:
 
                 def progress(_: float) -> None:
                     bar.update()
 
                 record = replay(application, run, chosen, progress=progress)
-            status = write_and_report(folder, application, record)
+            status = write_and_report(folder, application, record, log)
             if status == INTERRUPTED:  # Not this command, but the run that it replays.
                 status = FAILED
     raise typer.Exit(status)

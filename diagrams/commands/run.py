@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from crossmodal.diagrams.commands.endings import GentleInterrupt, one_line_errors
-from crossmodal.diagrams.commands.options import ForceOption, SetOption
+from crossmodal.diagrams.commands.listings import complete_scenario
+from crossmodal.diagrams.commands.options import ForceOption, QuietOption, SetOption, VerboseOption
+from crossmodal.diagrams.commands.run_log import RunLog
 from crossmodal.diagrams.commands.run_output import write_and_report
 
 if TYPE_CHECKING:
@@ -27,7 +29,12 @@ EXAMPLES = (
 
 
 def run_command(
-    scenario: Annotated[str, typer.Argument(help="A scenario's name or a path to a YAML file.")],
+    scenario: Annotated[
+        str,
+        typer.Argument(
+            help="A scenario's name or a path to a YAML file.", autocompletion=complete_scenario
+        ),
+    ],
     seed: Annotated[
         int | None, typer.Option(min=0, help="What varies: object, offsets, noise.")
     ] = None,
@@ -93,13 +100,20 @@ def run_command(
         ),
     ] = "",
     modalities: Annotated[
-        str | None, typer.Option(help="Comma-separated, of vision,proprioception,crossmodal.")
+        str | None,
+        typer.Option(
+            help="Comma-separated: which of the scenario's estimators run. [default: all]"
+        ),
     ] = None,
     duration: Annotated[float | None, typer.Option(help="Longest simulated time, [s].")] = None,
     overrides: SetOption = None,
+    verbose: VerboseOption = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Simulate one episode and write what was perceived into a folder."""
-    with one_line_errors():
+    log = RunLog(verbose=verbose, quiet=quiet)
+    with one_line_errors(log):
+        log.begin("Loading Drake and the scenario")
         from dataclasses import replace
 
         from crossmodal.diagrams.applications import load_scenario
@@ -129,11 +143,11 @@ def run_command(
                 sensors_file = folder / SENSORS_FILE if record_sensors else None
                 with _sink(stream, force) as sink:
                     record = _simulate(
-                        application, chosen, viewer, sensors_file, is_live=meshcat, sink=sink
+                        application, chosen, viewer, sensors_file, log, is_live=meshcat, sink=sink
                     )
                 if not recording:
                     record = replace(record, meshcat_html=None)
-                status = write_and_report(folder, application, record)
+                status = write_and_report(folder, application, record, log)
             goes_on = meshcat and (record.wants_next or (not close and _stays(viewer)))
             if goes_on:
                 assignments.append(f"seed={chosen.seed + 1}")
@@ -198,6 +212,7 @@ def _simulate(
     scenario: "Scenario",
     viewer: Any,
     sensors_file: Path | None,
+    log: RunLog,
     *,
     is_live: bool,
     sink: "Sink | None" = None,
@@ -207,16 +222,19 @@ def _simulate(
     from crossmodal.diagrams.run.episode import run_episode
     from crossmodal.maths.compiled import compilation_timed
 
+    log.begin(f"Building the simulation of {scenario.name}, seed {scenario.seed}")
     bar = tqdm(
         total=scenario.duration,
         desc=f"{scenario.name}, seed {scenario.seed}",
         bar_format="{desc}: {percentage:3.0f}% |{bar}| {n:.1f}/{total:.1f} s simulated"
         " [{elapsed}<{remaining}]",
-        disable=None,
+        disable=True if log.is_quiet else None,
     )
 
     def announce() -> None:
-        bar.write("Compiling the filters' inner loops: a minute more, this first time.")
+        log.note("the filters' inner loops are compiled")
+        if not log.is_quiet:
+            bar.write("Compiling the filters' inner loops: a minute more, this first time.")
 
     with GentleInterrupt() as interrupt, bar, compilation_timed(announce):
 

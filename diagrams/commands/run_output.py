@@ -6,13 +6,16 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from crossmodal.diagrams.commands.endings import FAILED, INTERRUPTED
+from crossmodal.diagrams.commands.run_log import RunLog
 
 if TYPE_CHECKING:
     from crossmodal.diagrams.run.application import Application, Results
     from crossmodal.diagrams.run.record import EpisodeRecord
 
 
-def write_and_report(folder: Path, application: "Application", record: "EpisodeRecord") -> int:
+def write_and_report(
+    folder: Path, application: "Application", record: "EpisodeRecord", log: RunLog
+) -> int:
     """Writes the run, prints its report and returns the exit status.
 
     What was perceived is said before the large files are written, which may not fit on the disk.
@@ -20,14 +23,14 @@ def write_and_report(folder: Path, application: "Application", record: "EpisodeR
     from crossmodal.diagrams.run.folder.run_folder import RunWriter
 
     results = application.evaluate(record)
-    writer = RunWriter(folder, application, record, results)
+    writer = RunWriter(folder, application, record, results, log=log.text(record))
     writer.write_results()
     summary = writer.summary
-    typer.echo("\n".join(["", *results.report(summary), "", speed(summary)]))
+    log.say("\n".join(["", *results.report(summary), "", speed(summary)]))
     if not record.interrupted and not results.success:
-        typer.echo(f"\n{verdict(results)}")
+        typer.echo(f"\n{verdict(results)}", err=log.is_quiet)
     writer.write_pictures()
-    typer.echo("\n".join(["", "Files:", *(f"  {path}" for path in writer.written)]))
+    log.say("\n".join(["", "Files:", *(f"  {path}" for path in writer.written)]))
     for line in writer.missing:
         typer.echo(f"crossmodal: {line}", err=True)
     if record.interrupted:

@@ -14,24 +14,25 @@ from crossmodal.diagrams.crossmodal.episode_parts import (
     make_estimators,
     make_station,
 )
+from crossmodal.diagrams.crossmodal.glossary import GLOSSARY
+from crossmodal.diagrams.crossmodal.listing import LISTING
 from crossmodal.diagrams.crossmodal.meshcat_view import add_view
 from crossmodal.diagrams.crossmodal.modalities import COLORS, LABELS
 from crossmodal.diagrams.crossmodal.own_object import keep_files, own_object_assignments
 from crossmodal.diagrams.crossmodal.results.grasp_episode import GRASP_QUANTITIES
 from crossmodal.diagrams.crossmodal.results.metrics import CAMPAIGN_PLOTS, METRICS, OVERVIEW
 from crossmodal.diagrams.crossmodal.results.results import evaluate
-from crossmodal.diagrams.crossmodal.scenario import SCENARIO_FOLDER, Scenario, resolve
-from crossmodal.diagrams.crossmodal.studies.experiments import EXPERIMENTS
+from crossmodal.diagrams.crossmodal.scenario import Scenario, resolve
 from crossmodal.diagrams.crossmodal.task import task_in_words
 from crossmodal.diagrams.joints.joint_truth import MECHANICS_QUANTITY, TRUTH_QUANTITIES
 from crossmodal.diagrams.joints.perceived_object import perceived_object
 from crossmodal.diagrams.run.application import Application
 
 APPLICATION = Application(
-    name="crossmodal",
-    description="an arm with a soft hand finds the joint of an unknown object while it explores it",
+    name=LISTING.name,
+    description=LISTING.description,
     scenario=Scenario,
-    scenarios=SCENARIO_FOLDER,
+    scenarios=LISTING.scenarios,
     resolve=resolve,
     make_calibration=make_calibration,
     make_station=make_station,
@@ -53,10 +54,12 @@ APPLICATION = Application(
     controls=make_controls,
     own_object=own_object_assignments,
     keep_files=keep_files,
+    glossary=GLOSSARY,
+    portrait="frames.png",
     labels=LABELS,
     colors=COLORS,
     metrics=METRICS,
-    experiments=EXPERIMENTS,
+    experiments=LISTING.experiments,
     overview=OVERVIEW,
     campaign_plots=CAMPAIGN_PLOTS,
 )

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from crossmodal.diagrams.drawing import palette
-from crossmodal.diagrams.drawing.plot_style import STYLE, new_figure
+from crossmodal.diagrams.drawing.plot_style import STYLE, TIME, new_figure
 
 Spans = Sequence[tuple[float, float]]  # Starts and ends, [s].
 
@@ -79,7 +79,7 @@ def draw_estimates(
             axes.set_ylabel(f"{component} [{unit}]".strip() if unit else component)
         name = quantity.replace("_", " ")
         all_axes[0].set_title(f"{name}: estimate minus truth" if errors else name)
-        all_axes[-1].set_xlabel("time [s]")
+        all_axes[-1].set_xlabel(TIME)
         handles, labels = max((axes.get_legend_handles_labels() for axes in all_axes), key=len)
         title = "band: 2σ as reported; n = 1 episode"
         figure.legend(handles, labels, loc="outside lower center", ncols=4, title=title)
@@ -119,7 +119,7 @@ def draw_probabilities(
             axes.set_ylim(0.0, 1.0)
             axes.set_title((labels or {}).get(name, name))
         figure.suptitle(quantity.replace("_", " "))
-        all_axes[-1].set_xlabel("time [s]")
+        all_axes[-1].set_xlabel(TIME)
         handles, labels = all_axes[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower center", ncols=4)
     return figure

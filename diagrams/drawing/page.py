@@ -1,5 +1,6 @@
 """Pages that a browser opens without a server."""
 
+import base64
 from pathlib import Path
 from typing import Any
 
@@ -14,3 +15,8 @@ def render(template: Path, **values: Any) -> str:
         trim_blocks=True,
     )
     return environment.get_template(template.name).render(**values)
+
+
+def png_address(png: bytes) -> str:
+    """A picture as an address that holds it."""
+    return "data:image/png;base64," + base64.b64encode(png).decode()

@@ -1,14 +1,18 @@
 """How every plot looks, and how it is written."""
 
+import json
+import math
 from collections.abc import Iterable, Sequence
+from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import IO, Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from PIL import Image
 
 from crossmodal.diagrams.drawing import palette
 from crossmodal.maths.arrays import Array, Mask
@@ -28,12 +32,57 @@ STYLE: Any = {
     "ytick.color": "#444444",
     "legend.frameon": False,
 }
+TIME = "time [s]"  # The label below a plot over time.
+_PANELS = "Panels over time"  # Key of a PNG's text.
 
 
-def save(figure: Figure, path: Path) -> None:
-    """Writes a figure as PNG, whatever the file's name ends with."""
+class Panel(NamedTuple):
+    """Where a panel over time is in a picture: edges as shares of it, and its ends in time [s]."""
+
+    left: float
+    right: float
+    top: float
+    bottom: float
+    first: float
+    last: float
+
+
+def save(figure: Figure, file: Path | IO[bytes]) -> None:
+    """Writes a figure as PNG, whatever the file's name ends with.
+
+    The file says where in it time runs, so that `read_panels` finds a time's place.
+    """
     FigureCanvasAgg(figure)
-    figure.savefig(path, format="png", dpi=130, facecolor="white")
+    figure.draw_without_rendering()  # Lays it out.
+    text = {_PANELS: json.dumps(panels_over_time(figure))}
+    figure.savefig(file, format="png", dpi=130, facecolor="white", metadata=text)
+
+
+def panels_over_time(figure: Figure) -> list[Panel]:
+    """The panels of a figure that was laid out whose axis, or one that they share, is time."""
+    found: list[Panel] = []
+    for axes in figure.axes:
+        siblings = axes.get_shared_x_axes().get_siblings(axes)
+        if any(one.get_xlabel() == TIME for one in siblings):
+            box, (first, last) = axes.get_position(), axes.get_xlim()
+            found.append(Panel(box.x0, box.x1, 1.0 - box.y1, 1.0 - box.y0, first, last))
+    return found
+
+
+def read_panels(png: Path) -> list[Panel] | None:
+    """What `panels_over_time` found in the figure of a PNG; None where the file does not say.
+
+    Raises:
+        OSError, ValueError, SyntaxError: where it is no PNG.
+    """
+    with Image.open(png, formats=["PNG"]) as image:
+        image.load()
+        text = getattr(image, "text", {}).get(_PANELS)
+    try:
+        panels = [Panel(*map(float, panel)) for panel in json.loads(text or "null")]
+    except (TypeError, ValueError):
+        return None
+    return panels if all(map(math.isfinite, chain.from_iterable(panels))) else None
 
 
 def new_figure(width: float, height: float) -> Figure:

@@ -126,7 +126,7 @@ def check_folder(folder: Path, *, force: bool = False) -> None:
             episode.unlink()
             continue
         remove_run(episode)
-        for name in (*FILES, process.LOG_FILE, process.ERROR_FILE):
+        for name in (*FILES, process.ERROR_FILE):
             with contextlib.suppress(OSError):
                 (episode / name).unlink()
         with contextlib.suppress(OSError):

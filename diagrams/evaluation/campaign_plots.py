@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import NullFormatter
 
 from crossmodal.diagrams.drawing import palette
-from crossmodal.diagrams.drawing.plot_style import STYLE, mark_panels, new_figure
+from crossmodal.diagrams.drawing.plot_style import STYLE, TIME, mark_panels, new_figure
 from crossmodal.diagrams.evaluation.metric_table import estimators_of, label, quantile, readable
 from crossmodal.diagrams.run.application import Application
 from crossmodal.diagrams.run.scenario import Disturbances
@@ -117,7 +117,7 @@ def draw_spreads(
             axes.set_yscale("log" if panel.logarithmic else "linear")
             _draw_panel(axes, application, panel, step)
         beyond = mark_panels(list(grid), list(events.items()), disturbances.spans())
-        grid[-1].set_xlabel("time [s]")
+        grid[-1].set_xlabel(TIME)
         handles = [*grid[0].get_legend_handles_labels()[0], *beyond]
         figure.legend(handles=handles, loc="outside upper center", ncols=4, title=_HOW_TO_READ)
     return figure

@@ -1,19 +1,18 @@
 """Writes what came out of experiments: CSV, Markdown, plots and a page that shows all of it."""
 
-import base64
 import contextlib
 import datetime
 import io
 import os
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
 import pandas as pd
 from PIL import Image
 
-from crossmodal.diagrams.drawing.page import render
+from crossmodal.diagrams.drawing.page import png_address, render
 from crossmodal.diagrams.drawing.plot_style import save
 from crossmodal.diagrams.evaluation.campaign import Campaign, Summary, episode_folder
 from crossmodal.diagrams.evaluation.metric_table import (
@@ -26,6 +25,8 @@ from crossmodal.diagrams.evaluation.metric_table import (
     tidy_metrics,
     title,
 )
+from crossmodal.diagrams.evaluation.words import tone, words_of
+from crossmodal.diagrams.run.application import Application
 from crossmodal.diagrams.run.folder.fingerprint import versions
 from crossmodal.diagrams.run.folder.run_folder import (
     PAGE_FILE,
@@ -46,15 +47,26 @@ class Section:
     """An experiment on the page, or what is compared there.
 
     Attributes:
+        portrait: A picture in which one sees what was done: its address and what it shows.
+        what: What was done, a sentence each.
+        columns: What the titles of columns mean, by word.
+        words: What else of words means something, by word.
+        folded: Tables that only who looks for more wants to see.
+        made: How it was made, in notes at the end.
         pictures: Addresses that hold them, and what each shows.
         episodes: Seed, reason of a failure, thumbnail, and links to its pictures by their names.
     """
 
     title: str
     name: str = ""
-    description: str = ""
+    portrait: tuple[str, str] | None = None
+    what: Sequence[str] = ()
     tables: Sequence[Table] = ()
+    folded: Sequence[Table] = ()
+    columns: Mapping[str, str] = field(default_factory=dict)
+    words: Mapping[str, str] = field(default_factory=dict)
     notes: Sequence[str] = ()
+    made: Sequence[str] = ()
     pictures: Sequence[tuple[str, str]] = ()
     episodes: Sequence[tuple[int, str, str, dict[str, str]]] = ()
     side_by_side: bool = False
@@ -103,7 +115,7 @@ def write_campaign(campaign: Campaign, origin: str) -> list[Path]:
             with contextlib.suppress(IsADirectoryError, PermissionError):
                 place.unlink(missing_ok=True)
     section = _section(campaign, figures, folder)
-    written.append(write_text(folder / PAGE_FILE, page(name, origin, [section])))
+    written.append(write_text(folder / PAGE_FILE, page(section.title, origin, [section])))
     return written
 
 
@@ -146,13 +158,14 @@ def write_overview(campaigns: Sequence[Campaign], folder: Path, origin: str) -> 
 def page(
     heading: str, origin: str, sections: Sequence[Section], overall: Sequence[Table] = ()
 ) -> str:
-    """The page, with every picture inside it."""
+    """The page, with every picture inside it; `overall` stands before the sections."""
     return render(
         Path(__file__).with_name("report.html.jinja"),
         heading=heading,
         made_by=origin.replace("`", ""),
         sections=sections,
         overall=overall,
+        tone=tone,
     )
 
 
@@ -167,19 +180,23 @@ def _section(campaign: Campaign, figures: pd.DataFrame, base: Path) -> Section:
             path.stem.replace("_", " "): Path(os.path.relpath(path, base)).as_posix()
             for path in shown
         }
-        thumbnail = _thumbnail(shown[0]) if shown else ""  # The first one stands for the episode.
+        first = portrait_of(campaign.application, shown)
+        thumbnail = "" if first is None else _thumbnail(first)
         episodes.append((summary["seed"], _reason(summary), thumbnail, links))
+    tables = experiment_tables(campaign.application, experiment, figures, campaign.seeds)
+    words = words_of(campaign.application, tables)
+    titles = {cell for table in tables for cell in table.header}
+    columns = {word: meaning for word, meaning in words.items() if word in titles}
     return Section(
         name=campaign.name,
         title=title(campaign.name, figures, campaign.seeds),
-        description=experiment.description,
-        tables=experiment_tables(campaign.application, experiment, figures, campaign.seeds),
-        notes=[
-            *filter(None, [task_in_words(campaign)]),
-            *experiment.notes,
-            HOW_TO_READ,
-            *running_notes(figures),
-        ],
+        portrait=_portrait(campaign),
+        what=_what_was_done(campaign),
+        tables=tables,
+        columns=columns,
+        words={word: meaning for word, meaning in words.items() if word not in columns},
+        notes=[HOW_TO_READ],
+        made=running_notes(figures),
         pictures=[
             (inline(folder / file), plot.caption)
             for file, plot in campaign.application.campaign_plots.items()
@@ -187,6 +204,37 @@ def _section(campaign: Campaign, figures: pd.DataFrame, base: Path) -> Section:
         ],
         episodes=episodes,
     )
+
+
+def portrait_of(application: Application, pictures: Sequence[Path]) -> Path | None:
+    """The picture that stands for an episode: the application's choice, or else the first."""
+    chosen = [path for path in pictures if path.name == application.portrait]
+    return next(iter([*chosen, *pictures]), None)
+
+
+def _portrait(campaign: Campaign) -> tuple[str, str] | None:
+    """A picture of the first episode that was done, or of the first one that ended."""
+    for summary in sorted(campaign.summaries, key=lambda one: one["success"] is not True):
+        place = episode_folder(campaign.folder, summary["seed"])
+        names = [name for name in summary.get("files", []) if name.startswith(f"{PLOT_FOLDER}/")]
+        path = portrait_of(campaign.application, [place / name for name in names])
+        if path is not None and path.is_file():
+            outcome = _reason(summary) or "done"
+            return inline(path), f"One of the episodes, seed {summary['seed']}: {outcome}."
+    return None
+
+
+def _what_was_done(campaign: Campaign) -> list[str]:
+    """The experiment in sentences, for someone who has not read anything else."""
+    application, ended = campaign.application, len(campaign.summaries)
+    done = sum(summary["success"] is True for summary in campaign.summaries)
+    return [
+        f"Simulated: {campaign.experiment.description}. The system: {application.description}.",
+        f"{ended} episodes were run, which differ by a seed: it draws the object, where it is, the"
+        f" errors of calibration and the sensors' noise. In {done} of {ended} the task was done.",
+        *filter(None, [task_in_words(campaign)]),
+        *campaign.experiment.notes,
+    ]
 
 
 def _reason(summary: Summary) -> str:
@@ -198,11 +246,7 @@ def _reason(summary: Summary) -> str:
 
 def inline(path: Path) -> str:
     """A picture as an address that holds it."""
-    return _address(path.read_bytes())
-
-
-def _address(png: bytes) -> str:
-    return "data:image/png;base64," + base64.b64encode(png).decode()
+    return png_address(path.read_bytes())
 
 
 def _thumbnail(path: Path) -> str:
@@ -211,4 +255,4 @@ def _thumbnail(path: Path) -> str:
     small.thumbnail(_THUMBNAIL)
     buffer = io.BytesIO()
     small.save(buffer, "PNG", optimize=True)
-    return _address(buffer.getvalue())
+    return png_address(buffer.getvalue())

@@ -1,6 +1,7 @@
 """Runs and evaluations side by side: their figures, what differs in their scenarios, pictures."""
 
 import contextlib
+import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -13,12 +14,14 @@ import pandas as pd
 from crossmodal.diagrams.drawing.digits import fixed, written
 from crossmodal.diagrams.evaluation.campaign_report import Section, inline, page
 from crossmodal.diagrams.evaluation.metric_table import (
+    OF_THE_MACHINE,
     Summary,
     Table,
     count,
     is_summary,
     label,
     median_and_range,
+    median_error,
     metrics_of,
     quantile,
     readable,
@@ -26,6 +29,7 @@ from crossmodal.diagrams.evaluation.metric_table import (
     tidy_metrics,
     values_of,
 )
+from crossmodal.diagrams.evaluation.words import words_of
 from crossmodal.diagrams.run.application import Application
 from crossmodal.diagrams.run.experiment import Metric
 from crossmodal.diagrams.run.folder.run_folder import (
@@ -40,6 +44,13 @@ from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line
 from crossmodal.maths.arrays import Array
 
 _LONGEST = 80  # Letters of a scenario's value in a cell.
+MAIN_ROWS = 8
+HOW_TO_COMPARE = (
+    "One run has a magnitude; an evaluation the median (5 % to 95 % of the episodes, of fewer than"
+    " 20 the least and the largest), where what is missing counts as infinitely large ('none'), or"
+    " in how many of how many episodes something is so. Coloured is what is better or worse, of"
+    " evaluations by more than twice the standard error."
+)
 _DIGITS = 3  # Of one run's figure: its neighbour may be close.
 
 
@@ -136,41 +147,81 @@ def _flat(document: Mapping[str, Any], path: str = "") -> dict[str, Any]:
 def figures_table(compared: Sequence[Compared]) -> Table:
     """A row per metric and estimator; what the others differ by from the first stands last.
 
-    Values in another unit, as of a door beside a drawer, are not compared.
+    The metrics for which more or less is better come first, as the applications' overviews order
+    them. What only shows how busy the machine was is left out. Values in another unit, as of a door
+    beside a drawer, are not compared.
 
     One run has a magnitude, an evaluation the median of the magnitudes and their 5 to 95 %, or how
     often something is true. What is missing counts as infinitely large, and as not true.
     """
-    frames = [one.figures for one in compared]
     table = Table(header=["", "", *(one.heading for one in compared)])
     table.header += [f"{one.name} - {compared[0].name}" for one in compared[1:]]
-    estimators = dict.fromkeys(name for frame in frames for name in frame["modality"])
-    metrics = {
-        metric.name: metric for one in compared for metric in metrics_of(one.application).values()
-    }
-    for metric in metrics.values():
-        truth = _is_truth(metric, compared)
-        for estimator in estimators:
-            found = [
-                values_of(frame, metric.name, estimator)
-                or (np.full(frame["seed"].nunique(), np.nan), "")
-                for frame in frames
-            ]
-            if not any(np.any(np.isfinite(values)) for values, _ in found):
-                continue
-            first, first_unit = found[0]
-            table.rows.append(
-                [
-                    metric.title or metric.name.replace("_", " "),
-                    label(compared[0].application, estimator),
-                    *(_cell(values, unit, truth=truth) for values, unit in found),
-                    *(
-                        _difference(first, values, unit, truth=truth) if unit == first_unit else "-"
-                        for values, unit in found[1:]
-                    ),
-                ]
-            )
+    for metric, estimator in _in_order(compared):
+        found = [
+            values_of(one.figures, metric.name, estimator)
+            or (np.full(one.figures["seed"].nunique(), np.nan), "")
+            for one in compared
+        ]
+        if not any(np.any(np.isfinite(values)) for values, _ in found):
+            continue
+        truth, (first, unit) = _is_truth(metric, compared), found[0]
+        row = [
+            metric.title or metric.name.replace("_", " "),
+            label(compared[0].application, estimator),
+            *(_cell(values, of_it, truth=truth) for values, of_it in found),
+        ]
+        for values, of_it in found[1:]:
+            text, tone = "-", ""
+            if of_it == unit:
+                text = _difference(first, values, unit, truth=truth)
+                tone = _tone(metric, first, values, truth=truth)
+            if tone:
+                table.tones[len(table.rows), len(row)] = tone
+            row.append(f"{text}, {'better' if tone == 'good' else 'worse'}" if tone else text)
+        table.rows.append(row)
     return table
+
+
+def _in_order(compared: Sequence[Compared]) -> list[tuple[Metric, str]]:
+    """Metrics and estimators: those of the overview, those with a better and a worse, the rest."""
+    metrics = {
+        name: metric
+        for one in compared
+        for name, metric in metrics_of(one.application).items()
+        if name not in OF_THE_MACHINE
+    }
+    estimators = dict.fromkeys(name for one in compared for name in one.figures["modality"])
+    overview = [
+        (metrics[column.metric], column.estimator)
+        for one in compared
+        for column in one.application.overview
+    ]
+    main = [estimator for _, estimator in overview if estimator][-1:]
+    every = [(metric, name) for metric in metrics.values() for name in estimators]
+    directed = [(metric, name) for metric, name in every if metric.better]
+    of_main = [(metric, name) for metric, name in directed if name in ("", *main)]
+    found = {(metric.name, name): (metric, name) for metric, name in
+             [*overview, *of_main, *directed, *every]}  # fmt: skip
+    return list(found.values())
+
+
+def _tone(metric: Metric, first: Array, other: Array, *, truth: bool) -> str:
+    """'good' where the other is better, 'bad' where it is worse, by more than chance does."""
+    if not metric.better or not np.any(np.isfinite(first)) or not np.any(np.isfinite(other)):
+        return ""
+    if truth:
+        shares = [float(np.mean(values == 1.0)) for values in (first, other)]
+        errors = [
+            math.sqrt(share * (1.0 - share) / len(values))
+            for share, values in zip(shares, (first, other), strict=True)
+        ]
+    else:
+        shares = [float(quantile(values, 0.5)) for values in (first, other)]
+        errors = [median_error(values) if len(values) > 1 else 0.0 for values in (first, other)]
+    change = shares[1] - shares[0]
+    if not np.isfinite([change, *errors]).all() or abs(change) <= 2.0 * math.hypot(*errors):
+        return ""
+    return "good" if (change > 0.0) == (metric.better == "more") else "bad"
 
 
 def _is_truth(metric: Metric, compared: Sequence[Compared]) -> bool:
@@ -226,33 +277,59 @@ def _short(value: Any) -> str:
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
 
 
-def comparison(compared: Sequence[Compared]) -> str:
-    """The tables in Markdown."""
-    differing = scenarios_table(compared)
+def comparison(compared: Sequence[Compared], *, most: int | None = MAIN_ROWS) -> str:
+    """The tables in Markdown.
+
+    Args:
+        most: How many rows of figures; None for all.
+    """
+    figures, differing = figures_table(compared), scenarios_table(compared)
+    shown, rest = _split(figures, most or len(figures.rows))
     same = "Their scenarios say the same."
-    return "\n\n".join(
-        [figures_table(compared).markdown(), differing.markdown() if differing.rows else same, ""]
-    )
+    more = [f"{len(rest.rows)} more rows: --all."] if rest.rows else []
+    scenarios = differing.markdown() if differing.rows else same
+    return "\n\n".join([shown.markdown(), *more, scenarios, ""])
+
+
+def _split(table: Table, at: int) -> tuple[Table, Table]:
+    """The rows before a place, and those from there on."""
+    first, rest = (Table(header=table.header, rows=rows) for rows in
+                   (table.rows[:at], table.rows[at:]))  # fmt: skip
+    for (row, column), tone in table.tones.items():
+        (first if row < at else rest).tones[row if row < at else row - at, column] = tone
+    return first, rest
 
 
 def comparison_page(compared: Sequence[Compared], origin: str) -> str:
-    """The tables and, picture by picture, what each of them has of it side by side.
+    """Pictures side by side, the tables, and then what else there is of pictures.
 
     Args:
         origin: How the comparison was made.
     """
-    sections = [
-        Section(
-            name=name,
-            title=name,
-            pictures=[
-                (inline(one.pictures[name]), one.heading)
-                for one in compared
-                if name in one.pictures
-            ],
-            side_by_side=True,
-        )
-        for name in dict.fromkeys(name for one in compared for name in one.pictures)
+    names = list(dict.fromkeys(name for one in compared for name in one.pictures))
+    wanted = [Path(one.application.portrait).stem.replace("_", " ") for one in compared]
+    names.sort(key=lambda name: name not in wanted)
+    main, rest = _split(figures_table(compared), MAIN_ROWS)
+    begin = Section(
+        title="",
+        pictures=_beside(compared, names[0]) if names else (),
+        tables=[main, scenarios_table(compared)],
+        folded=[rest],
+        words=words_of(compared[0].application, [main]),
+        notes=[HOW_TO_COMPARE],
+        side_by_side=True,
+    )
+    others = [
+        Section(name=name, title=name, pictures=_beside(compared, name), side_by_side=True)
+        for name in names[1:]
     ]
-    heading = " | ".join(one.name for one in compared)
-    return page(heading, origin, sections, [figures_table(compared), scenarios_table(compared)])
+    return page(" | ".join(one.name for one in compared), origin, [begin, *others])
+
+
+def _beside(compared: Sequence[Compared], name: str) -> list[tuple[str, str]]:
+    """A picture of each of those that have it."""
+    return [
+        (inline(one.pictures[name]), f"{one.heading}, {name}")
+        for one in compared
+        if name in one.pictures
+    ]

@@ -4,7 +4,7 @@ import math
 import warnings
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
@@ -170,6 +170,11 @@ def error_metrics(units: Mapping[str, str]) -> list[Metric]:
     """
     from crossmodal.diagrams.evaluation.metric_table import mean_share, median_and_range, value_at
 
+    kinds: tuple[tuple[str, Any, Literal["less", "more"]], ...] = (
+        ("final_error", median_and_range, "less"),
+        ("rms_error", median_and_range, "less"),
+        ("inside_two_sigma", mean_share, "more"),
+    )
     return [
         Metric(
             name=f"{name}_{key}",
@@ -177,11 +182,8 @@ def error_metrics(units: Mapping[str, str]) -> list[Metric]:
             unit=unit if key.endswith("error") else "",
             title=f"{name}, {key.replace('_', ' ')}",
             cell=cell,
+            better=better,
         )
         for name, unit in units.items()
-        for key, cell in (
-            ("final_error", median_and_range),
-            ("rms_error", median_and_range),
-            ("inside_two_sigma", mean_share),
-        )
+        for key, cell, better in kinds
     ]

@@ -15,6 +15,8 @@ from crossmodal.diagrams.run.experiment import Experiment, Metric, Reference
 from crossmodal.maths.arrays import Array
 
 Summary = dict[str, Any]
+_FOR_QUANTILES = 20  # Episodes of which 5 % are one.
+_FOR_TWO_DIGITS = 10  # Episodes from which on the error of a deviation is below a quarter of it.
 COLUMNS = ("experiment", "seed", "modality", "metric", "value", "unit", "reason")
 # What metrics are written in for people: factor and unit, by their unit in SI.
 READABLE = {
@@ -116,13 +118,29 @@ def quantile(values: npt.ArrayLike, share: float) -> Array:
 
 
 def median_and_range(values: npt.ArrayLike, unit: str) -> str:
-    """'median (5 % to 95 %) unit' of magnitudes in SI; 'none' for what is missing."""
+    """'median (5 % to 95 %) unit' of magnitudes in SI; 'none' for what is missing.
+
+    Of fewer than twenty episodes the least and the largest stand in the brackets, and of one its
+    magnitude alone. There are as many digits as the median's standard error leaves.
+    """
     values = np.asarray(values, dtype=float)
     if not np.any(np.isfinite(values)):
         return "none"
     scale, shown = readable(unit)
-    low, median, high = (scale * float(quantile(values, share)) for share in (0.05, 0.5, 0.95))
-    return written_range(low, median, high, shown)
+    if len(values) == 1:
+        return written(scale * abs(float(values[0])), shown)
+    tail = 0.05 if len(values) >= _FOR_QUANTILES else 0.0
+    low, median, high = (
+        scale * float(quantile(values, share)) for share in (tail, 0.5, 1.0 - tail)
+    )
+    return written_range(low, median, high, shown, error=scale * median_error(values))
+
+
+def median_error(values: Array) -> float:
+    """Standard error of the median of magnitudes, as of a normal distribution."""
+    low, median, high = (float(quantile(values, share)) for share in (0.25, 0.5, 0.75))
+    quartile = 0.5 * (high - low) if math.isfinite(high) else median - low
+    return 1.2533 * quartile / 0.6745 / math.sqrt(len(values))
 
 
 def mean_and_deviation(values: npt.ArrayLike, unit: str) -> str:
@@ -132,7 +150,9 @@ def mean_and_deviation(values: npt.ArrayLike, unit: str) -> str:
         return "-"
     scale, shown = readable(unit)
     deviation = float(np.std(np.abs(known), ddof=1)) if len(known) > 1 else math.nan
-    text = written(scale * float(np.mean(np.abs(known))), shown, spread=scale * deviation)
+    digits = 1 if len(known) < _FOR_TWO_DIGITS else 2
+    mean = scale * float(np.mean(np.abs(known)))
+    text = written(mean, shown, spread=scale * deviation, of_spread=digits)
     return text + _in_brackets(without)
 
 
@@ -147,7 +167,8 @@ def count_of_known(values: npt.ArrayLike, unit: str = "", *, with_share: bool = 
     known, without = _known(values)
     if len(known) == 0:
         return "-"
-    share = [f"{100.0 * np.mean(known == 1.0):.0f} %"] if with_share else []
+    is_shown = with_share and len(known) >= _FOR_QUANTILES
+    share = [f"{100.0 * np.mean(known == 1.0):.0f} %"] if is_shown else []
     return count(known) + _in_brackets(share + without)
 
 
@@ -187,7 +208,7 @@ def _of_episode(name: str, unit: str = "", **shown: Any) -> Metric:
 
 # Of every application.
 EPISODE_METRICS = (
-    _of_episode("success", title="done", cell=count_of_known, totals=True),
+    _of_episode("success", title="done", cell=count_of_known, totals=True, better="more"),
     _of_episode("duration", "s"),
     _of_episode("wall_time", "s"),
     _of_episode("real_time_factor"),
@@ -203,14 +224,21 @@ TICK_METRICS = (
     ),
     Metric(name="tick_p95", value=value_at("tick.p95"), unit="s"),
 )
+# They show how busy the machine was.
+OF_THE_MACHINE = ("wall_time", "real_time_factor", "peak_memory", "tick_median", "tick_p95")
 
 
 @dataclass(kw_only=True)
 class Table:
-    """Cells ready to be shown, the first of each row its title."""
+    """Cells ready to be shown, the first of each row its title.
+
+    Attributes:
+        tones: Of cells that say what is better ('good') or worse ('bad'), by row and column.
+    """
 
     header: list[str]
     rows: list[list[str]] = field(default_factory=list)
+    tones: dict[tuple[int, int], str] = field(default_factory=dict)
 
     def markdown(self) -> str:
         lines = [self.header, ["---"] * len(self.header), *self.rows]
@@ -330,8 +358,9 @@ def running_notes(figures: pd.DataFrame) -> list[str]:
 
 
 HOW_TO_READ = (
-    "How to read a cell: median (5 % to 95 % of the episodes) of the magnitude, where what is"
-    " missing counts as infinitely large ('none'); or mean ± standard deviation."
+    "How to read a cell: median (5 % to 95 % of the episodes, of fewer than 20 the least and the"
+    " largest) of the magnitude, where what is missing counts as infinitely large ('none'); or mean"
+    " ± standard deviation; or in how many of how many episodes. '-' is what nobody knows."
 )
 
 

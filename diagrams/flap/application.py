@@ -14,23 +14,24 @@ from crossmodal.diagrams.flap.episode_parts import (
     make_estimators,
 )
 from crossmodal.diagrams.flap.estimator_names import COLORS, LABELS
-from crossmodal.diagrams.flap.experiments import EXPERIMENTS
+from crossmodal.diagrams.flap.glossary import GLOSSARY
+from crossmodal.diagrams.flap.listing import LISTING
 from crossmodal.diagrams.flap.meshcat_view import add_view
 from crossmodal.diagrams.flap.own_tool import keep_files, own_tool_assignments
 from crossmodal.diagrams.flap.perceived_tool import perceived_tool
 from crossmodal.diagrams.flap.results.metrics import METRICS, OVERVIEW
 from crossmodal.diagrams.flap.results.results import evaluate
 from crossmodal.diagrams.flap.results.task import task_in_words
-from crossmodal.diagrams.flap.scenario import SCENARIO_FOLDER, Scenario, resolve
+from crossmodal.diagrams.flap.scenario import Scenario, resolve
 from crossmodal.diagrams.flap.station.station import make_flap_station
 from crossmodal.diagrams.run.application import Application
 from crossmodal.diagrams.stations.camera_controls import camera_controls
 
 APPLICATION = Application(
-    name="flap",
-    description="a tactile fingertip flips the flap of a held tool and learns how it is hinged",
+    name=LISTING.name,
+    description=LISTING.description,
     scenario=Scenario,
-    scenarios=SCENARIO_FOLDER,
+    scenarios=LISTING.scenarios,
     resolve=resolve,
     make_calibration=make_calibration,
     make_station=make_flap_station,
@@ -48,9 +49,11 @@ APPLICATION = Application(
     controls=lambda scenario: camera_controls(scenario.cameras),
     own_object=own_tool_assignments,
     keep_files=keep_files,
+    glossary=GLOSSARY,
+    portrait="frames.png",
     labels=LABELS,
     colors=COLORS,
     metrics=METRICS,
-    experiments=EXPERIMENTS,
+    experiments=LISTING.experiments,
     overview=OVERVIEW,
 )

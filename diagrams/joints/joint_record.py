@@ -22,7 +22,7 @@ from crossmodal.diagrams.joints.joint_metrics import (
 from crossmodal.diagrams.joints.joint_truth import Truth
 from crossmodal.diagrams.run.record import Tick
 from crossmodal.maths import se3
-from crossmodal.maths.consistency import share_inside
+from crossmodal.maths.consistency import share_above, share_inside
 from crossmodal.systems.port_values import MOVING_TYPES, BodyMotion, JointBelief, JointType
 
 # What a summary says of a joint where one was believed in, else null.
@@ -181,10 +181,15 @@ def summarise_joint(
 
 
 def _consistency(series: JointSeries, truth: Truth) -> dict[str, Any]:
-    """Shares of the ticks in motion, with the right type, whose NEES is inside its 95 % bounds."""
+    """Shares of the ticks in motion, with the right type, whose NEES is inside its 95 % bounds.
+
+    Above them (`_too_sure`) the error is too large for the reported covariance, below too small.
+    """
     ticks = moving_at(series.times, truth) & series.type_is_right
     return {
         "configuration": share_inside(series.configuration_nees[ticks], 1),
         "axis": share_inside(series.axis_nees[ticks], 2),
+        "configuration_too_sure": share_above(series.configuration_nees[ticks], 1),
+        "axis_too_sure": share_above(series.axis_nees[ticks], 2),
         "ticks": int(np.sum(ticks)),
     }

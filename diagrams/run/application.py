@@ -119,6 +119,9 @@ class Application:
             folder: the scenario that names it there, relative to the folder, and by their places
             in it the files to be copied.
         task_in_words: What counts as done in a scenario, with its tolerances, in a sentence.
+        glossary: What the words of its tables mean to someone who has read nothing else, by word;
+            also those by which the estimators are called.
+        portrait: File of the plot in which one sees what happens in an episode; empty: the first.
         labels: How tables and plots call the estimators, in order; without one, by its name.
         colors: '#RRGGBB' of the estimators.
         metrics: Figures of an episode for the tables of `crossmodal evaluate`.
@@ -153,6 +156,8 @@ class Application:
     own_object: Callable[[Any, str, OwnObject, Sequence[str]], Sequence[str]] | None = None
     keep_files: Callable[[Any], tuple[Any, Mapping[str, Path]]] = lambda scenario: (scenario, {})
     task_in_words: Callable[[Any], str] = lambda scenario: ""
+    glossary: Mapping[str, str] = field(default_factory=dict)
+    portrait: str = ""
     labels: Mapping[str, str] = field(default_factory=dict)
     colors: Mapping[str, str] = field(default_factory=dict)
     metrics: Sequence[Metric] = ()

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from crossmodal.maths.arrays import Array
 
@@ -24,6 +24,7 @@ class Metric:
         title: Of its row in the tables; empty for one that only the tidy table holds.
         cell: From one value per episode, NaN for those that have none, and their unit to the text
             of a cell.
+        better: 'less' or 'more', where that is better; empty where neither is.
         totals: Whether the table over all experiments counts in how many of all episodes it is
             true.
     """
@@ -34,6 +35,7 @@ class Metric:
     by_estimator: bool = True
     title: str = ""
     cell: Callable[[Array, str], str] | None = None
+    better: Literal["", "less", "more"] = ""
     totals: bool = False
 
     def unit_in(self, record: Mapping[str, Any]) -> str:

@@ -18,6 +18,7 @@ from typing import Any, ParamSpec, TypeVar
 
 from crossmodal.diagrams.run.application import Application
 from crossmodal.diagrams.run.folder.run_folder import (
+    LOG_FILE,
     SUMMARY_FILE,
     finished_summary,
     make_folder,
@@ -31,7 +32,6 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 ERROR_FILE = "error.txt"  # The reason in its first line, then the traceback.
-LOG_FILE = "log.txt"
 # Runs the scenario in the folder that it is given, and ends when its standard input is closed.
 _COMMAND = (sys.executable, "-m", "crossmodal.diagrams.commands.episode")
 _STATUS = Path("/proc/self/status")

@@ -267,6 +267,7 @@ def declutter_metrics() -> list[Metric]:
         *(
             Metric(
                 name=f"{kind}_success",
+                better="more",
                 value=share(kind),
                 by_estimator=False,
                 title=_TITLES[kind],
@@ -277,6 +278,7 @@ def declutter_metrics() -> list[Metric]:
         *(metric for kind in DeclutterAction for metric in totals(kind)),
         Metric(
             name="out_of_the_way",
+            better="more",
             value=out_of_the_way,
             by_estimator=False,
             title="actions after which the object was not in the way any more",
@@ -284,6 +286,7 @@ def declutter_metrics() -> list[Metric]:
         ),
         Metric(
             name="actions_per_object",
+            better="less",
             value=actions_per_object,
             by_estimator=False,
             title="actions for each object that was in the way",
@@ -301,6 +304,7 @@ def declutter_metrics() -> list[Metric]:
         ),
         Metric(
             name="is_free",
+            better="more",
             value=lambda summary: summary["clutter"]["is_free"],
             by_estimator=False,
             title="nothing in the way any more",
@@ -316,6 +320,7 @@ def declutter_metrics() -> list[Metric]:
         *(
             Metric(
                 name=f"offset_{key}",
+                better="less",
                 value=of_offset(key),
                 by_estimator=False,
                 unit="m",
@@ -326,6 +331,7 @@ def declutter_metrics() -> list[Metric]:
         ),
         Metric(
             name="offset_inside",
+            better="more",
             value=of_offset("inside_claim"),
             by_estimator=False,
             title="the same at the end, inside its claimed 95 % region",
@@ -333,6 +339,7 @@ def declutter_metrics() -> list[Metric]:
         ),
         Metric(
             name="moved_unnoticed",
+            better="less",
             value=unnoticed,
             by_estimator=False,
             title="target moved by more than 2 cm, and no image showed it",
@@ -340,6 +347,7 @@ def declutter_metrics() -> list[Metric]:
         ),
         Metric(
             name="noticed_wrongly",
+            better="less",
             value=noticed_wrongly,
             by_estimator=False,
             title="target said to have moved, but it has by less than 1 cm",

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -276,7 +276,8 @@ def metrics() -> list[Metric]:
         unit: str = "m",
         cell: Callable[[Array, str], str] = median_and_range,
     ) -> Metric:
-        return Metric(name=name, value=value, unit=unit, title=title, cell=cell)
+        better: Literal["less", "more"] = "less" if unit else "more"
+        return Metric(name=name, value=value, unit=unit, title=title, cell=cell, better=better)
 
     return [
         metric("adi", "ADI at the end", _last("adi")),

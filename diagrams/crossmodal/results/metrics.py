@@ -1,7 +1,7 @@
 """The metrics of the cross-modal application and their pictures over many episodes."""
 
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, Literal
 
 from matplotlib.figure import Figure
 
@@ -55,6 +55,7 @@ def _of_joint(
     path: str = "",
     kinds: tuple[str, ...] = (),
     cell: Callable[..., str] = median_and_range,
+    better: Literal["", "less", "more"] = "",
 ) -> Metric:
     """A figure that stands in the joint's summary.
 
@@ -70,7 +71,7 @@ def _of_joint(
         return value(record)
 
     chosen = value_of_kind if kinds else value
-    return Metric(name=name, value=chosen, unit=unit, title=title, cell=cell)
+    return Metric(name=name, value=chosen, unit=unit, title=title, cell=cell, better=better)
 
 
 def _reached_stops(record: Mapping[str, Any]) -> bool:
@@ -81,70 +82,107 @@ def _reached_stops(record: Mapping[str, Any]) -> bool:
     return all(reached)
 
 
+# Key, title, unit, cell, and what is better.
+_FRICTION: tuple[tuple[str, str, Any, Callable[..., str], Literal["", "less", "more"]], ...] = (
+    ("error", "friction error at the motion's speed", _force_unit, median_and_range, "less"),
+    ("std", "friction's reported deviation there", _force_unit, median_and_range, ""),
+    ("inside_two_sigma", "friction inside two reported deviations", "", count_of_known, "more"),
+)
+_NEES: tuple[tuple[str, str, Literal["", "less", "more"]], ...] = (
+    ("", "inside 95 % bounds", "more"),
+    ("_too_sure", "above them: too sure of itself", "less"),
+)
 METRICS = (
     *(
         _of_phase(phase, key)
         for phase in ("exploration", "exploitation")
         for key in ("target", "reached")
     ),
-    _of_phase("exploration", "error", title="exploration error", cell=mean_and_deviation),
-    _of_phase("exploitation", "error", title="exploitation error", cell=mean_and_deviation),
+    _of_phase(
+        "exploration", "error", title="exploration error", cell=mean_and_deviation, better="less"
+    ),
+    _of_phase(
+        "exploitation", "error", title="exploitation error", cell=mean_and_deviation, better="less"
+    ),
     Metric(
         name="joint_found",
         value=lambda record: _joint(record)["type_estimated"] in MOVING_TYPES,
         title="joint found",
         cell=count,
+        better="more",
     ),
     Metric(
         name="type_right",
         value=lambda record: _joint(record)["type_estimated"] == _joint(record)["type_true"],
         title="joint type right at the end",
         cell=count,
+        better="more",
         totals=True,
     ),
     Metric(name="configuration_true", value=value_at("joints.0.configuration_true"), unit=_unit),
-    _of_joint("configuration_error", "configuration error at the end", _unit),
+    _of_joint("configuration_error", "configuration error at the end", _unit, better="less"),
     _of_joint("configuration_std", "configuration's reported deviation at the end", _unit),
-    _of_joint("configuration_error_at_turn", "configuration error at the turning point", _unit),
-    _of_joint("configuration_rms_moving", "configuration error while moving, RMS", _unit),
-    _of_joint("configuration_error_last_seen", "configuration error when last seen", _unit),
-    _of_joint("axis_angle_error", "axis direction error", "rad"),
-    _of_joint("axis_angle_error_at_turn", "axis direction error at the turning point", "rad"),
+    _of_joint(
+        "configuration_error_at_turn",
+        "configuration error at the turning point",
+        _unit,
+        better="less",
+    ),
+    _of_joint(
+        "configuration_rms_moving", "configuration error while moving, RMS", _unit, better="less"
+    ),
+    _of_joint(
+        "configuration_error_last_seen", "configuration error when last seen", _unit, better="less"
+    ),
+    _of_joint("axis_angle_error", "axis direction error", "rad", better="less"),
+    _of_joint(
+        "axis_angle_error_at_turn",
+        "axis direction error at the turning point",
+        "rad",
+        better="less",
+    ),
     _of_joint("axis_angle_std", "axis' reported deviation at the end", "rad"),
     *(
         _of_joint(
             f"{key}_inside_two_sigma",
             f"final {key} inside two reported deviations",
             cell=count_of_known,
+            better="more",
         )
         for key in ("configuration", "axis")
     ),
-    _of_joint("axis_distance_error", "axis distance error", "m", kinds=_TURNING),
-    _of_joint("pitch_error", "pitch error at the end", "m/rad", kinds=("screw",)),
+    _of_joint("axis_distance_error", "axis distance error", "m", kinds=_TURNING, better="less"),
+    _of_joint("pitch_error", "pitch error at the end", "m/rad", kinds=("screw",), better="less"),
     _of_joint("pitch_std", "pitch's reported deviation at the end", "m/rad", kinds=("screw",)),
     *(
-        _of_joint(f"resistance_{key}", title, unit, path=f"mechanics.resistance.{key}", cell=cell)
-        for key, title, unit, cell in (
-            ("error", "friction error at the motion's speed", _force_unit, median_and_range),
-            ("std", "friction's reported deviation there", _force_unit, median_and_range),
-            ("inside_two_sigma", "friction inside two reported deviations", "", count_of_known),
+        _of_joint(
+            f"resistance_{key}",
+            title,
+            unit,
+            path=f"mechanics.resistance.{key}",
+            cell=cell,
+            better=better,
         )
+        for key, title, unit, cell, better in _FRICTION
     ),
     Metric(
         name="end_stops_inside_two_sigma",
         value=_reached_stops,
         title="end stops reported as reached, inside two reported deviations",
         cell=count_of_known,
+        better="more",
     ),
-    _of_joint("type_settled_at", "type settled after motion of", "s"),
+    _of_joint("type_settled_at", "type settled after motion of", "s", better="less"),
     *(
         _of_joint(
-            f"consistency_{key}",
-            f"{whose} NEES inside 95 % bounds",
-            path=f"consistency.{key}",
+            f"consistency_{key}{side}",
+            f"{whose} NEES {where}",
+            path=f"consistency.{key}{side}",
             cell=mean_share,
+            better=better,
         )
         for key, whose in (("configuration", "configuration's"), ("axis", "axis'"))
+        for side, where, better in _NEES
     ),
 )
 

@@ -14,7 +14,7 @@ from matplotlib.patches import Patch
 
 from crossmodal.diagrams.crossmodal.modalities import COLORS, LABELS
 from crossmodal.diagrams.drawing import palette
-from crossmodal.diagrams.drawing.plot_style import STYLE, mark_panels, new_figure
+from crossmodal.diagrams.drawing.plot_style import STYLE, TIME, mark_panels, new_figure
 from crossmodal.diagrams.evaluation.metric_table import readable
 from crossmodal.diagrams.joints.joint_metrics import (
     JointEpisode,
@@ -83,7 +83,7 @@ def draw_errors(episode: JointEpisode) -> Figure | None:
         axis.set_title("axis direction error [deg] (dotted: the reported deviation)")
         belief.set_title(f"probability of the true type ({truth.joint_type})")
         belief.set_ylim(-0.03, 1.05)
-        belief.set_xlabel("time [s]")
+        belief.set_xlabel(TIME)
         _limit_errors(configuration, axis, all_series, scale)
         beyond = _finish(panels, episode)
         _legend(figure, episode, [*lost[:1], *beyond])
@@ -111,7 +111,7 @@ def draw_configurations(episode: JointEpisode) -> Figure | None:
             truth.times, true_q, color=palette.TRUTH, lw=1.2, ls="--", zorder=4, label="truth"
         )
         axes.set_title(f"configuration [{unit}] of '{truth.name}'")
-        axes.set_xlabel("time [s]")
+        axes.set_xlabel(TIME)
         low, high = min(0.0, *true_q), max(0.0, *true_q)
         reach = max(high - low, 1e-3 * scale)
         axes.set_ylim(low - 0.15 * reach, high + 0.3 * reach)

@@ -32,6 +32,8 @@ _OF_ESTIMATOR = (
     ("tip_line_rms", "m", "tip from its line on the table, RMS"),
     ("tip_link_rms", "m", "the same, were the arm's own pose known exactly"),
 )
+# What is as it is, neither good nor bad; of what is only true or false, more is better.
+_NEITHER = ("turned", "misaligned_at_first", "edge_slide", "edge_force")
 METRICS = (
     *(
         Metric(
@@ -41,6 +43,7 @@ METRICS = (
             by_estimator=by_estimator,
             title=title,
             cell=median_and_range if unit else count,
+            better="" if name in _NEITHER else "less" if unit else "more",
         )
         for by_estimator, figures in ((False, _OF_EPISODE), (True, _OF_ESTIMATOR))
         for name, unit, title in figures
@@ -51,6 +54,7 @@ METRICS = (
             value=value_at(f"flap.inside_two_sigma.{key}"),
             title=f"{title} inside two reported deviations, share of ticks",
             cell=mean_share,
+            better="more",
         )
         for key, title in (("axis", "axis"), ("theta", "θ"), ("L1", "L1"), ("L2", "L2"))
     ),

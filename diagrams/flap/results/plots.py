@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from crossmodal.diagrams.drawing import palette
-from crossmodal.diagrams.drawing.plot_style import STYLE, mark_panels, new_figure
+from crossmodal.diagrams.drawing.plot_style import STYLE, TIME, mark_panels, new_figure
 from crossmodal.diagrams.flap.estimator_names import COLORS, LABELS
 from crossmodal.diagrams.flap.results.flap_episode import FlapEpisode
 from crossmodal.maths.arrays import Array, Mask
@@ -229,7 +229,7 @@ def _limit_to_flipping(axes: Axes, values: Array, least: float) -> None:
 
 def _finish(panels: Sequence[Axes], episode: FlapEpisode) -> None:
     """Marks events, disturbances and when the camera did not see the flap; says which episode."""
-    panels[-1].set_xlabel("time [s]")
+    panels[-1].set_xlabel(TIME)
     panels[-1].set_xlim(0.0, max(episode.record.duration, 1e-3))
     events = [(event.name, event.time) for event in episode.record.events]
     if episode.series and len(episode.truth.times):

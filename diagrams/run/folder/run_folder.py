@@ -36,11 +36,12 @@ SUMMARY_FILE = "summary.json"
 MESHCAT_FILE = "meshcat.html"
 SENSORS_FILE = "sensors.mcap"
 PAGE_FILE = "report.html"
+LOG_FILE = "log.txt"
 PLOT_FOLDER = "figures"
 # What a run may write whatever its application is.
 FILES = (
     *(SCENARIO_FILE, ESTIMATES_FILE, SUMMARY_FILE, PERCEIVED_FILE),
-    *(MESHCAT_FILE, SENSORS_FILE, PAGE_FILE),
+    *(MESHCAT_FILE, SENSORS_FILE, PAGE_FILE, LOG_FILE),
 )
 
 
@@ -201,6 +202,7 @@ class RunWriter:
         results: Of the record.
         only_own: Whether pictures by the names of its own are of an earlier run in any case, as in
             an evaluation, where that run's summary may be lost.
+        log: What happened; empty where somebody else keeps it.
     """
 
     def __init__(
@@ -211,6 +213,7 @@ class RunWriter:
         results: Results,
         *,
         only_own: bool = False,
+        log: str = "",
     ) -> None:
         self._folder, self._earlier = folder, files_of_run(folder)
         if only_own:
@@ -224,7 +227,8 @@ class RunWriter:
         self._names += [f"{PLOT_FOLDER}/{name}" for name in results.plots]
         self._names += [MESHCAT_FILE] if record.meshcat_html is not None else []
         self._names += [SENSORS_FILE] if record.sensors_file is not None else []
-        self._names += [PAGE_FILE]
+        self._names += [PAGE_FILE, *([LOG_FILE] if log else [])]
+        self._log = log
         self.summary = summarise(application, record, results)
         self.summary |= {"files": self._names, "checksums": {}}
 
@@ -243,6 +247,8 @@ class RunWriter:
         if PERCEIVED_FILE in self._names:
             text = as_text(self._perceived)
             self._write(PERCEIVED_FILE, lambda path: path.write_text(text, encoding="utf-8"))
+        if self._log:
+            self._write(LOG_FILE, lambda path: path.write_text(self._log, encoding="utf-8"))
         if {SCENARIO_FILE, ESTIMATES_FILE} <= {path.name for path in self.written}:
             self._write_summary()
 

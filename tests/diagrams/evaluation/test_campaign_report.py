@@ -46,7 +46,7 @@ def test_the_page_holds_every_picture_and_every_reason(tmp_path: Path) -> None:
     }  # fmt: skip
     page = (tmp_path / "report.html").read_text()
     sources = re.findall(r'src="([^"]*)"', page)
-    assert len(sources) == 4
+    assert len(sources) == 5
     assert all(source.startswith("data:image/png;base64,") for source in sources)
     assert "no &lt;way&gt;" in page
     for link in re.findall(r'href="([^"]*)"', page):
@@ -68,7 +68,7 @@ def test_the_overview_holds_all_experiments(tmp_path: Path) -> None:
         write_campaign(campaign, "")
     write_overview(campaigns, tmp_path, "made so")
     table = (tmp_path / "table.md").read_text()
-    assert "| all | 4/6 (67 %) |" in table
+    assert "| all | 4/6 |" in table
     assert "## drawer-lights-off: 3 episodes, seeds 1 to 3" in table
     assert set(pd.read_csv(tmp_path / "results.csv").experiment) == {"drawer", "drawer-lights-off"}
     page = (tmp_path / "report.html").read_text()
@@ -98,11 +98,11 @@ def test_an_interrupted_evaluation_says_so_beside_every_count(tmp_path: Path) ->
     for file in ("table.md", "report.html"):
         own = (tmp_path / "drawer" / file).read_text()
         assert "drawer: 2 of 3, interrupted: seeds 1, 2 of 1 to 3" in own
-        assert own.count("2 of 3, interrupted") == 3
+        assert own.count("2 of 3, interrupted") == (4 if file == "report.html" else 3)
         together = (tmp_path / file).read_text()
         assert "all: 2 of 6, interrupted" in together
         assert "drawer-lights-off: 0 of 3, interrupted" in together
-        assert "%)" not in together.split("drawer: 2 of 3, interrupted: seeds")[0]
+        assert " %)" not in together.split("drawer: 2 of 3, interrupted: seeds")[0]
         for text in (own, together):
             assert re.search(r"--seeds 1:4`?, interrupted, crossmodal", text)
 

@@ -34,6 +34,7 @@ TOY = Application(
             value=lambda record: record["distance_error"],
             unit="m",
             title="error of the distance",
+            better="less",
             cell=median_and_range,
         ),
         Metric(
@@ -42,6 +43,7 @@ TOY = Application(
             by_estimator=False,
             title="scored",
             cell=count,
+            better="more",
             totals=True,
         ),
     ),

@@ -1,0 +1,1 @@
+"""`crossmodal show RUN`: the page of a finished run."""

@@ -25,7 +25,7 @@ class BagWriter:
 
     def __init__(self, path: Path, kind: str) -> None:
         from rosbags import rosbag1, rosbag2
-        from rosbags.typesys import Stores, get_typestore
+        from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
         if kind not in KINDS:
             raise RecordingError(f"'{kind}' is no kind of bag; need {', '.join(KINDS)}")
@@ -33,6 +33,9 @@ class BagWriter:
             raise RecordingError(f"{path}: exists already; remove it, or name another")
         self._is_ros1 = kind == "bag"
         self._store = get_typestore(Stores.ROS1_NOETIC if self._is_ros1 else Stores.ROS2_HUMBLE)
+        if self._is_ros1:  # Which rosbags has of ROS 2 only.
+            frames = "geometry_msgs/TransformStamped[] transforms"
+            self._store.register(get_types_from_msg(frames, "tf2_msgs/msg/TFMessage"))
         self._connections: dict[str, Any] = {}
         self._writer: Any
         if self._is_ros1:

@@ -56,7 +56,7 @@ class RecordedCamera(Placed):
     center_x: float = number(0.0, at_least=-1e5, at_most=1e5, unit="px")
     center_y: float = number(0.0, at_least=-1e5, at_most=1e5, unit="px")
     distortion_model: str = "plumb_bob"  # As in ROS; also rational_polynomial, equidistant.
-    distortion: np.ndarray = numbers(np.zeros(0), at_least=-1e4, at_most=1e4)  # OpenCV's order.
+    distortion: list[float] = field(default_factory=list)  # Coefficients in OpenCV's order.
     depth_scale: float = number(1.0, above=0.0, at_most=1e3)  # Measured depth over true depth.
     # Shift of the depth image against the colour image.
     registration: np.ndarray = numbers(np.zeros(2), at_least=-1e3, at_most=1e3, unit="px")
@@ -78,7 +78,7 @@ class RecordedCamera(Placed):
         return CameraFacts(
             intrinsics=intrinsics,
             distortion_model=self.distortion_model,
-            distortion=self.distortion,
+            distortion=np.array(self.distortion),
         )
 
 
@@ -145,13 +145,9 @@ def read_calibration(path: Path) -> RecordedRobot:
     except ValueError as error:
         raise ScenarioError(str(error)) from None
     for key, placed in (("camera", made.camera), ("arm", made.arm)):
-        if placed.quaternion.shape != (4,) or not np.linalg.norm(placed.quaternion) > 1e-3:
+        if not np.linalg.norm(placed.quaternion) > 1e-3:
             raise ScenarioError(f"{path}: {key}.quaternion: need x, y, z, w, not all zero")
-        if placed.position.shape != (3,):
-            raise ScenarioError(f"{path}: {key}.position: need x, y, z, [m]")
     camera = made.camera
-    if camera.registration.shape != (2,):
-        raise ScenarioError(f"{path}: camera.registration: need u, v, [px]")
     if camera.focal_x and not (camera.width and camera.height):
         raise ScenarioError(f"{path}: camera: focal_x needs width and height, [px]")
     return made

@@ -41,13 +41,13 @@ def export_bag(run: Path, path: Path, kind: str) -> Path:
     last: dict[str, int] = {}
     try:
         with BagWriter(path, kind) as writer:
-            for topic, message_type, message, time in _messages(run / SENSORS_FILE):
-                if topic in infos and time >= last.get(topic, -_INFO_INTERVAL) + _INFO_INTERVAL:
-                    name, info = infos[topic]
+            for name, message_type, message, time in _messages(run / SENSORS_FILE):
+                if name in infos and time >= last.get(name, -_INFO_INTERVAL) + _INFO_INTERVAL:
+                    beside, info = infos[name]
                     stamp = dict(zip(("sec", "nanosec"), divmod(time, 10**9), strict=True))
-                    writer.write(name, CAMERA_INFO, info | {"header": {"stamp": stamp}}, time)
-                    last[topic] = time
-                writer.write(topic, message_type, _fields(message), time)
+                    writer.write(beside, CAMERA_INFO, info | {"header": {"stamp": stamp}}, time)
+                    last[name] = time
+                writer.write(name, message_type, _fields(message), time)
     except (RecordingError, OSError) as error:
         raise ScenarioError(f"{path}: cannot be written: {one_line(error)}") from None
     return path

@@ -71,9 +71,9 @@ def read_track(
     if is_recording(path):
         if columns or rate is not None:
             raise ValueError(f"{path}: is a bag, in which columns and a rate name nothing")
-        times, poses = read_poses(path, topic)
-        poses[:, :3] *= scale
-        return pose_track(times, poses)
+        stamps, found_poses = read_poses(path, topic)
+        found_poses[:, :3] *= scale
+        return pose_track(stamps, found_poses)
     if not path.is_file():
         raise ValueError(f"{path}: is not a file")
     if topic:

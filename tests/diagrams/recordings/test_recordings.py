@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from numpy.testing import assert_allclose, assert_array_equal
 from ros_messages import IMAGE, INFO, START, Row, header, image, write_bag
 from typer.testing import CliRunner
@@ -18,8 +19,12 @@ from crossmodal.diagrams.recordings.replay_recording import prepare
 from crossmodal.diagrams.recordings.report import described, drafts
 from crossmodal.diagrams.recordings.sample_rows import JointRows, PressureRows
 from crossmodal.diagrams.recordings.survey import JOINTS, WRENCH, survey
-from crossmodal.diagrams.recordings.topic_map import likely_topic_map, read_topic_map
-from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
+from crossmodal.diagrams.recordings.topic_map import (
+    TopicMap,
+    likely_topic_map,
+    read_topic_map,
+)
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, load_typed
 from crossmodal.maths.pinhole import Intrinsics
 from crossmodal.systems.recordings.camera_info import CameraFacts
 from crossmodal.systems.recordings.recording import RecordingError
@@ -233,3 +238,14 @@ def test_other_robots_and_settings_of_what_was_measured_are_refused(tmp_path: Pa
         prepare(found, chosen, RecordedRobot(), overrides=["task.opening=1"])
     with pytest.raises(ScenarioError, match="has no streams for crossmodal"):
         prepare(found, chosen, RecordedRobot(), overrides=["modalities=[crossmodal]"])
+
+
+def test_the_examples_of_the_page_can_be_read(tmp_path: Path) -> None:
+    page = (Path(__file__).parents[3] / "docs/own-recordings.md").read_text()
+    topics, calibration = re.findall(r"```yaml\n(.*?)```", page, re.DOTALL)
+    made = load_typed(TopicMap, yaml.safe_load(topics), "the page")
+    assert len(made.joint_names) == 7
+    assert 10.0 in made.held[0]
+    (tmp_path / "my.yaml").write_text(calibration)
+    robot = read_calibration(tmp_path / "my.yaml")
+    assert robot.errors.camera_translation == 0.005

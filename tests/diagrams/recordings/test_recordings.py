@@ -1,6 +1,7 @@
 """Foreign recordings: what is said of them, how their streams are read, and what is refused."""
 
 import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +33,12 @@ from crossmodal.systems.recordings.recording import RecordingError
 WIDTH, HEIGHT = 32, 24
 MS = 1_000_000
 COLOR, DEPTH, INFOS = "/camera/rgb/image_raw", "/camera/depth_registered/image", "/camera/rgb/info"
-FACTS = {"width": WIDTH, "height": HEIGHT, "distortion_model": "plumb_bob", "d": [0.1, 0.0]}
+FACTS = {
+    "width": WIDTH,
+    "height": HEIGHT,
+    "distortion_model": "plumb_bob",
+    "d": [0.1, 0.0, 0.0, 0.0, 0.0],
+}
 FACTS |= {"k": [30.0, 0.0, 15.5, 0.0, 30.0, 11.5, 0.0, 0.0, 1.0]}
 BGR = np.zeros((HEIGHT, WIDTH, 3), dtype=np.uint8)
 MILLIMETRES = np.full((HEIGHT, WIDTH), 800, dtype=np.uint16)
@@ -81,7 +87,7 @@ def test_a_camera_alone_is_surveyed_and_its_drafts_can_be_read(tmp_path: Path) -
     facts = read_calibration(tmp_path / "calibration.yaml").camera.facts()
     assert facts is not None
     assert facts.intrinsics.vector().tolist() == [30.0, 30.0, 15.5, 11.5]
-    assert facts.distortion.tolist() == [0.1, 0.0]
+    assert facts.distortion.tolist() == [0.1, 0.0, 0.0, 0.0, 0.0]
 
 
 def test_the_command_says_it_and_writes_the_drafts_once(tmp_path: Path) -> None:
@@ -249,3 +255,53 @@ def test_the_examples_of_the_page_can_be_read(tmp_path: Path) -> None:
     (tmp_path / "my.yaml").write_text(calibration)
     robot = read_calibration(tmp_path / "my.yaml")
     assert robot.errors.camera_translation == 0.005
+
+
+def _shortened(rows: list[Row]) -> None:
+    for row in rows[30:]:
+        row[2].update({"data": b"12"} if row[0] == COLOR else {})
+
+
+def _other_encoding(rows: list[Row]) -> None:
+    for row in rows[30:]:
+        row[2].update({"encoding": "yuv422"} if row[0] == COLOR else {})
+
+
+def _grey_for_depth(rows: list[Row]) -> None:
+    for row in rows[30:]:
+        row[2].update({"encoding": "8UC1", "step": WIDTH} if row[0] == DEPTH else {})
+
+
+def _narrower(rows: list[Row]) -> None:
+    for row in rows[30:]:
+        row[2].update({"width": 10} if row[0] == COLOR else {})
+
+
+def _unknown_lens(rows: list[Row]) -> None:
+    for row in rows:
+        row[2].update({"d": [0.1] * 3} if row[0] == INFOS else {})
+
+
+@pytest.mark.parametrize(
+    ("damage", "said"),
+    [
+        (_shortened, "2 bytes with rows of 96 for 32 x 24 pixels of bgr8"),
+        (_other_encoding, "the encoding 'yuv422' is no colour image"),
+        (_grey_for_depth, "the encoding '8UC1' is no depth image"),
+        (_narrower, "choose the topic that is registered"),
+        (_unknown_lens, "a distortion of 3 coefficients does not fit plumb_bob"),
+    ],
+)
+def test_images_that_change_on_the_way_end_a_replay_in_one_line_without_a_folder(
+    damage: Callable[[list[Row]], None], said: str, tmp_path: Path
+) -> None:
+    rows = [(topic, kind, dict(fields), time) for topic, kind, fields, time in camera()]
+    damage(rows)
+    (tmp_path / "my.yaml").write_text("{}")
+    options = ["--robot", "wam", "--calibration", str(tmp_path / "my.yaml")]
+    path, out = str(bag(tmp_path, rows)), tmp_path / "out"
+    result = CliRunner().invoke(app, ["replay", path, *options, "--out", str(out)])
+    assert result.exit_code == 2, result.output
+    (line,) = [line for line in result.stderr.splitlines() if line.startswith("crossmodal: ")]
+    assert said in line
+    assert not out.exists()

@@ -7,11 +7,21 @@ import typer
 
 from crossmodal.diagrams.commands.endings import one_line_errors
 
-EXAMPLES = "Example:  crossmodal inspect models/examples/two_drawers.urdf"
+EXAMPLES = (
+    "Examples:  crossmodal inspect models/examples/two_drawers.urdf   |"
+    "   crossmodal inspect kitchen.bag --drafts ."
+)
 
 
 def inspect_command(
-    model: Annotated[Path, typer.Argument(help="An SDF or URDF file.")],
+    model: Annotated[
+        Path,
+        typer.Argument(
+            metavar="MODEL|RECORDING",
+            help="An SDF or URDF file; or a ROS 1 bag, a ROS 2 bag, an MCAP file, or a folder"
+            " of the RBO data set.",
+        ),
+    ],
     grasp_frame: Annotated[
         str, typer.Option(help="Its frame or link to grasp. [default: its first likely handle]")
     ] = "",
@@ -29,10 +39,22 @@ def inspect_command(
     ] = 1.0,
     scenario: Annotated[str, typer.Option(help="In which it would stand.")] = "drawer",
     out: Annotated[Path | None, typer.Option(help="The picture. [default: runs/MODEL.png]")] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace the picture.")] = False,
+    drafts: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FOLDER",
+            help="Of a recording: write drafts of topics.yaml and calibration.yaml there.",
+        ),
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace picture or drafts.")] = False,
 ) -> None:
-    """Show what is in a model, where it would stand, and how to run it."""
+    """Show what is in a model or a recording, and how to run or replay it."""
     with one_line_errors():
+        from crossmodal.systems.recordings.open_recording import is_recording
+
+        if is_recording(model):
+            _inspect_recording(model, drafts, force=force)
+            return
         from crossmodal.diagrams.applications import load_scenario
         from crossmodal.diagrams.crossmodal.inspection.inspection import inspected
         from crossmodal.diagrams.run.folder.run_folder import write_atomically
@@ -57,3 +79,25 @@ def inspect_command(
             drawn = figure
             lines += ["Picture", f"  {write_atomically(path, lambda file: save(drawn, file))}"]
         typer.echo("\n".join(lines))
+
+
+def _inspect_recording(path: Path, folder: Path | None, *, force: bool) -> None:
+    from tqdm import tqdm
+
+    from crossmodal.diagrams.recordings.report import described, drafts, written
+    from crossmodal.diagrams.recordings.survey import survey
+    from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
+    from crossmodal.systems.recordings.recording import RecordingError
+
+    try:
+        with tqdm(desc="reading", unit="messages", disable=None, leave=False) as bar:
+            found = survey(path, lambda _: bar.update())
+        typer.echo("\n".join(described(found)))
+        if folder is not None:
+            paths = written(found, folder, force=force)
+            typer.echo("\nFiles:\n" + "\n".join(f"  {file}" for file in paths))
+            return
+        for name, text in drafts(found).items():
+            typer.echo(f"\nDraft of {name}\n\n{text}", nl=False)
+    except RecordingError as error:
+        raise ScenarioError(str(error)) from None

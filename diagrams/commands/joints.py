@@ -10,6 +10,7 @@ from crossmodal.diagrams.commands.endings import one_line_errors
 EXAMPLES = (
     "Examples:  crossmodal joints door.csv --to urdf   |   crossmodal joints first.tum second.tum"
     "   |   crossmodal joints lid.csv --parent box.csv --deviations 1,0.002"
+    "   |   crossmodal joints mocap.bag --topic /lid/pose --parent-topic /box/pose"
 )
 
 
@@ -18,14 +19,29 @@ def joints_command(
         list[Path],
         typer.Argument(
             metavar="FILE...",
-            help="Poses of one body: CSV with a header, or TUM (t x y z qx qy qz qw). Several files"
-            " are repeats of the same motion.",
+            help="Poses of one body: CSV with a header, TUM (t x y z qx qy qz qw), or a ROS 1 bag,"
+            " ROS 2 bag or MCAP file. Several files are repeats of the same motion.",
         ),
     ],
     parent: Annotated[
         Path | None,
         typer.Option(help="Poses of what it is joined to, in the same frame. [default: it rests]"),
     ] = None,
+    topic: Annotated[
+        str,
+        typer.Option(
+            metavar="TOPIC",
+            help="Of a bag: stamped poses or transforms, odometry; of TF as TOPIC:CHILD."
+            " [default: the only one]",
+        ),
+    ] = "",
+    parent_topic: Annotated[
+        str,
+        typer.Option(
+            metavar="TOPIC",
+            help="Of what it is joined to, in the bag of --parent or, without it, in the same.",
+        ),
+    ] = "",
     deviations: Annotated[
         str,
         typer.Option(
@@ -58,14 +74,19 @@ def joints_command(
         from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
         from crossmodal.systems.object_models.model_text import as_name
         from crossmodal.systems.pose_tracks.joint_model import to_sdf, to_urdf
-        from crossmodal.systems.pose_tracks.pose_track import relative_track, with_given
+        from crossmodal.systems.pose_tracks.pose_track import (
+            PoseTrack,
+            from_its_start,
+            relative_track,
+            with_given,
+        )
         from crossmodal.systems.pose_tracks.repeats import estimate_repeats
         from crossmodal.systems.pose_tracks.track_files import read_track
 
         writers = {"": None, "urdf": to_urdf, "sdf": to_sdf}
         if to not in writers:
             raise ScenarioError(f"--to = '{to}', need urdf or sdf")
-        if parent is not None and len(files) > 1:
+        if (parent is not None or parent_topic) and len(files) > 1:
             raise ScenarioError("--parent: goes with one file of poses")
         folder = out or Path("runs/joints") / files[0].stem
         if (folder / "joint.yaml").exists() and not force:
@@ -75,16 +96,18 @@ def joints_command(
         if deviations:
             given = vector_option("--deviations", deviations, 2) * [np.deg2rad(1.0), 1.0]
         try:
-            tracks = [read_track(f, columns=named, rate=rate, scale=scale) for f in files]
-            if given is not None:
-                tracks = [with_given(track, given) for track in tracks]
-            if parent is not None:
-                of_parent = read_track(parent, columns=named, rate=rate, scale=scale)
-                if given is not None:
-                    of_parent = with_given(of_parent, given)
+
+            def read(file: Path, topic: str) -> PoseTrack:
+                track = read_track(file, columns=named, rate=rate, scale=scale, topic=topic)
+                return track if given is None else with_given(track, given)
+
+            tracks = [read(file, topic) for file in files]
+            if parent is not None or parent_topic:
+                of_parent = read(parent or files[0], parent_topic)
                 tracks = [relative_track(of_parent, tracks[0])]
             found = estimate_repeats(
-                tracks, progress=lambda poses: tqdm(poses, "poses", leave=False, disable=None)
+                [from_its_start(track) for track in tracks],
+                progress=lambda poses: tqdm(poses, "poses", leave=False, disable=None),
             )
             writer = writers[to]
             model = writer(found, as_name(files[0].stem)) if writer is not None else ""

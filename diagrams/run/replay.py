@@ -26,7 +26,13 @@ from crossmodal.diagrams.run.record import EpisodeRecord
 from crossmodal.diagrams.run.recorded_scenario import REPLACEABLE, check_unchanged, is_replaceable
 from crossmodal.diagrams.run.recorder import EpisodeRecorder
 from crossmodal.diagrams.run.scenario import Scenario
-from crossmodal.diagrams.run.sensor_streams.log import SensorLog, SensorReplay, make_streams
+from crossmodal.diagrams.run.sensor_streams.log import (
+    SensorLog,
+    SensorReplay,
+    Stream,
+    StreamLog,
+    make_streams,
+)
 from crossmodal.diagrams.run.sensor_streams.stream_faults import add_stream_faults
 from crossmodal.diagrams.run.ticks import advance_by_ticks
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
@@ -65,16 +71,19 @@ def replay(
     estimators: Mapping[str, System] | None = None,
     progress: Callable[[float], None] | None = None,
     sink: "Sink | None" = None,
+    open_log: Callable[[list[Stream]], StreamLog] | None = None,
 ) -> EpisodeRecord:
     """Runs estimators side by side on the streams that a run has recorded.
 
     Args:
         application: What ran it.
-        folder: Of the run.
+        folder: Of the run, or what else is to be named where a stream is missing.
         scenario: As it was run, but for what perceives.
         estimators: By name; by default those of the scenario.
         progress: Called with the time [s] since the recording's start, about once per tick.
         sink: Takes images and estimates, for a viewer.
+        open_log: Gives the streams, of those that the stations' ports would be; by default the
+            run's own `sensors.mcap`.
 
     Raises:
         ScenarioError: if the recording is damaged, lacks a stream that an estimator needs, or was
@@ -91,7 +100,8 @@ def replay(
     models = dict.fromkeys(pictures, StampedImage(time=0.0, image=ImageRgba8U()))
     models |= stream_models(estimators, station_quantities)
     streams = make_streams(models, application.topics(scenario), calibration)
-    log = SensorLog(folder / SENSORS_FILE, streams)
+    source_file = folder / SENSORS_FILE if open_log is None else folder
+    log: StreamLog = SensorLog(source_file, streams) if open_log is None else open_log(streams)
     check_unchanged(application, scenario, log.scenario, str(folder / SCENARIO_FILE))
     period = scenario.network_period
     recorder = EpisodeRecorder(
@@ -112,7 +122,7 @@ def replay(
             port = estimator.get_input_port(index)
             if not source.HasOutputPort(port.get_name()):
                 raise ScenarioError(
-                    f"{folder / SENSORS_FILE}: holds no stream '{port.get_name()}',"
+                    f"{source_file}: holds no stream '{port.get_name()}',"
                     f" which '{name}' needs; record it again"
                 )
             builder.Connect(heard(port.get_name()), port)

@@ -14,6 +14,7 @@ from crossmodal.maths.immutable import Immutable
 _LEAST = np.repeat([1e-3, 1e-4], 3)  # [rad], [m]
 # Variance of the distance of a measurement from the mean of its two neighbours, by that of one.
 _SECOND_DIFFERENCE = 1.5
+_STAMPS = 1e8  # Larger times are stamps since 1970, [s].
 _MEDIAN_OF_TWO = 2.0 * np.log(2.0)  # Median of the sum of two squared standard normal variables.
 
 
@@ -101,6 +102,14 @@ def with_given(track: PoseTrack, deviations: Array) -> PoseTrack:
     """
     poses = track.X_AB if track.has_rotations else track.X_AB[:, :3, 3]
     return pose_track(track.times, poses, deviations)
+
+
+def from_its_start(track: PoseTrack) -> PoseTrack:
+    """The track with times since its first pose, where they are stamps since 1970."""
+    known = track.times[np.isfinite(track.times)]
+    if not len(known) or np.abs(known).max() < _STAMPS:
+        return track
+    return replace(track, times=track.times - known[0])
 
 
 def with_deviations(track: PoseTrack) -> PoseTrack:

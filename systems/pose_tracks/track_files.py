@@ -1,4 +1,4 @@
-"""Tracks in files: CSV with a header, TUM trajectories, and plain columns of numbers."""
+"""Tracks in files: CSV with a header, TUM trajectories, plain columns of numbers, and ROS bags."""
 
 import csv
 import re
@@ -9,6 +9,8 @@ import numpy as np
 
 from crossmodal.maths.arrays import Array
 from crossmodal.systems.pose_tracks.pose_track import PoseTrack, pose_track
+from crossmodal.systems.recordings.open_recording import is_recording
+from crossmodal.systems.recordings.pose_topics import read_poses
 
 # What columns are called, the last part of their names, in lower case and without underscores.
 _NAMES = {
@@ -39,30 +41,43 @@ def read_track(
     columns: Mapping[str, str] | None = None,
     rate: float | None = None,
     scale: float = 1.0,
+    topic: str = "",
 ) -> PoseTrack:
-    """The poses of a file.
+    """The poses of a file, at the times that it says, [s].
 
     - A CSV file with a header: columns of time, position and quaternion are found by their names,
       such as `t`, `x`, `qw` or `field.pose.position.x`.
     - A TUM trajectory: `t x y z qx qy qz qw`, without a header.
     - Columns of numbers `t x y z`, or, with a rate, `x y z` or `x y z qx qy qz qw`.
+    - A ROS 1 bag, a ROS 2 bag or an MCAP file with stamped poses or transforms, odometry or TF.
 
     Stamps in milli-, micro- or nanoseconds since 1970 are recognised.
 
     Args:
-        path: Text file; columns are separated by commas, semicolons or blanks, `#` begins a
-            comment.
+        path: A bag, or a text file, whose columns are separated by commas, semicolons or blanks;
+            `#` begins a comment.
         columns: Names of columns by `time`, `x`, `y`, `z`, `qx`, `qy`, `qz`, `qw`, where they are
             not found.
         rate: Of the poses, where the file has no times, [Hz].
         scale: Metres per unit of the positions; 0.001 for millimetres.
+        topic: Of a bag with several topics of poses; of TF `TOPIC:CHILD`, a frame in its parent.
 
     Raises:
         ValueError: for a file that is none of these, in one line that names it.
         OSError: where it cannot be read.
     """
+    if not (np.isfinite(scale) and scale > 0.0):
+        raise ValueError(f"scale = {scale:g}, need above 0")
+    if is_recording(path):
+        if columns or rate is not None:
+            raise ValueError(f"{path}: is a bag, in which columns and a rate name nothing")
+        stamps, found_poses = read_poses(path, topic)
+        found_poses[:, :3] *= scale
+        return pose_track(stamps, found_poses)
     if not path.is_file():
         raise ValueError(f"{path}: is not a file")
+    if topic:
+        raise ValueError(f"{path}: is no bag, so that it has no topic '{topic}'")
     if path.stat().st_size > _LARGEST_FILE:
         raise ValueError(f"{path}: is larger than {_LARGEST_FILE / 1e6:.0f} MB")
     try:
@@ -75,8 +90,6 @@ def read_track(
         raise ValueError(f"{path}: has no poses")
     if rate is not None and not (np.isfinite(rate) and rate > 0.0):
         raise ValueError(f"rate = {rate:g} Hz, need above 0")
-    if not (np.isfinite(scale) and scale > 0.0):
-        raise ValueError(f"scale = {scale:g}, need above 0")
     separator = next((mark for mark in ",;\t" if mark in rows[0]), None)
     cells = [_split(row, separator) for row in rows]
     header = cells[0] if not _are_numbers(cells[0]) else None
@@ -189,9 +202,6 @@ def _by_count(path: Path, table: Array, rate: float | None) -> tuple[Array | Non
 
 
 def _seconds(times: Array) -> Array:
-    """Times in seconds, from the first one on where they are stamps since 1970."""
+    """Times in seconds, of stamps in units that show by their size."""
     largest = float(np.nanmax(np.abs(times), initial=0.0))
-    unit = next((unit for least, unit in _UNITS if largest > least), 1.0)
-    if unit == 1.0 and largest < 1e8:
-        return times
-    return np.asarray((times - times[np.isfinite(times)][0]) * unit)
+    return np.asarray(times * next((unit for least, unit in _UNITS if largest > least), 1.0))

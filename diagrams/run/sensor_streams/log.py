@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from mcap.exceptions import McapError
@@ -102,6 +102,18 @@ def make_streams(
         )
         for port, model in models.items()
     ]
+
+
+class StreamLog(Protocol):
+    """Recorded streams that are read by instants, of our own or of a foreign recording."""
+
+    streams: list[Stream]
+    scenario: str
+    end: float
+    interrupted: bool
+
+    def read(self, time: float, period: float) -> dict[str, Any]:
+        """Every port's value at the tick `time`, see `SensorLog.read`."""
 
 
 class SensorLogWriter:
@@ -357,7 +369,7 @@ class SensorReplay(LeafSystem):
         period: Of the ticks, [s].
     """
 
-    def __init__(self, log: SensorLog, period: float) -> None:
+    def __init__(self, log: StreamLog, period: float) -> None:
         super().__init__()
         self._log = log
         self._period = period

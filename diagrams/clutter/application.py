@@ -11,7 +11,7 @@ from crossmodal.diagrams.clutter.estimators import (
     make_calibration,
     make_estimators,
 )
-from crossmodal.diagrams.clutter.meshcat_view import add_view
+from crossmodal.diagrams.clutter.meshcat_view import VIEWPOINT, add_view
 from crossmodal.diagrams.clutter.own_mesh import keep_files, own_mesh_assignments
 from crossmodal.diagrams.clutter.results.declutter_results import declutter_metrics
 from crossmodal.diagrams.clutter.results.results import evaluate, metrics
@@ -71,6 +71,7 @@ APPLICATION = Application(
     ],
     evaluate=evaluate,
     view=add_view,
+    viewpoint=VIEWPOINT,
     controls=lambda scenario: camera_controls(scenario.cameras),
     labels=LABELS,
     colors=COLORS,

@@ -33,7 +33,10 @@ from crossmodal.diagrams.drawing import palette
 from crossmodal.diagrams.drawing.legend import Entry, show_legend
 from crossmodal.diagrams.drawing.meshcat import (
     ROOT,
+    TRUTH,
+    Layers,
     Shown,
+    Viewpoint,
     clear_view,
     estimator_layers,
     frame_along,
@@ -63,10 +66,11 @@ from crossmodal.systems.port_values import (
     ViewRequest,
 )
 
+_TRUTH = "cheat_object_pose"
 _PERIOD = 0.1  # Between drawings, [s].
 _TEXT_INTERVAL = 0.5  # Least time between new texts, [s].
-# Where the page is first seen from, and what the texts face, p_WV; and its target, [m].
-_VIEWPOINT, _LOOKING_AT = np.array([0.66, -0.82, 0.8]), np.array([0.5, 0.0, 0.2])
+# From where the page is first seen, and what the texts face.
+VIEWPOINT = Viewpoint(p_WV=np.array([0.66, -0.82, 0.8]), p_WT=np.array([0.5, 0.0, 0.2]))
 _BOARD_HEIGHT = 0.028  # [m]
 _ABOVE = 0.62  # Of the texts above the table, [m].
 _CLOUD, _CONTACT, _GRID, _MIDDLE = "#66CCEE", "#CC3311", "#CCBB44", "#332288"
@@ -91,6 +95,7 @@ def _legend(shown: str, clears: bool) -> list[Entry]:
         ("dot", _GRID, "cell that is occupied with p > 0.6"),
         ("bar", _MUCH, "candidate view or touch; the greyer, the less it would teach"),
         ("bar", palette.PLAN, "the chosen one; ball: where contact is expected"),
+        ("bar", palette.TRUTH, "the object where it truly is, if that is shown"),
     ]
 
 
@@ -100,9 +105,11 @@ def add_view(
     meshcat: Meshcat,
     station: Diagram,
     estimators: Mapping[str, System],
-) -> dict[str, str]:
+) -> Layers:
     """Adds a view of what is measured, believed and planned."""
-    scene_graph = station.GetSubsystemByName("scene_graph")
+    bodies = {}
+    if station.HasSubsystemNamed("scene_graph"):  # A rig has no scene.
+        bodies = _object_meshes(station.GetSubsystemByName("scene_graph"))
     view = builder.AddNamedSystem(
         "meshcat_view",
         MeshcatView(
@@ -110,16 +117,16 @@ def add_view(
             list(estimators),
             target_name(scenario),
             _read(target_mesh(scenario), scenario.target.scale),
-            _object_meshes(scene_graph),
+            bodies,
             clears=scenario.clutter.count > 0,
         ),
     )
     clearing = ["declutter_graph"] if scenario.clutter.count else []
-    ports = ["pose_measurement", "view_latest", "touch_latest", "grid_latest", STATUS_PORT]
+    ports = ["pose_measurement", "view_latest", "touch_latest", "grid_latest", STATUS_PORT, _TRUTH]
     for port in [*ports, *clearing]:
         builder.Connect(station.GetOutputPort(port), view.GetInputPort(port))
     connect_latest(builder, estimators, view)
-    return estimator_layers(estimators, LABELS)
+    return Layers(estimators=estimator_layers(estimators, LABELS), truth=TRUTH)
 
 
 def _object_meshes(scene_graph: SceneGraph) -> dict[str, tuple[Array, Ids]]:
@@ -155,6 +162,7 @@ class MeshcatView(LeafSystem):
     - `touch_latest`: `TouchRequest`.
     - `grid_latest`: `OccupancyGrid`.
     - `task_status`: `TaskStatus`.
+    - `cheat_object_pose`: `RigidTransform` X_WO, drawn for whom wants it.
     - `declutter_graph`: `DeclutterGraph`, if something is cleared away.
     - `<estimator>_object_pose_latest`: `ObjectPose`.
 
@@ -180,13 +188,14 @@ class MeshcatView(LeafSystem):
     ) -> None:
         super().__init__()
         self._meshcat = meshcat
-        clear_view(meshcat, _VIEWPOINT, _LOOKING_AT)
+        clear_view(meshcat, VIEWPOINT)
         models = {
             "pose_measurement": NO_MEASUREMENT,
             "view_latest": NO_VIEW,
             "touch_latest": NO_TOUCH,
             "grid_latest": NO_GRID,
             STATUS_PORT: TaskStatus(),
+            _TRUTH: RigidTransform(),
             **({"declutter_graph": NO_GRAPH} if clears else {}),
         }
         self._ports = {name: declare_input(self, name, model) for name, model in models.items()}
@@ -198,6 +207,9 @@ class MeshcatView(LeafSystem):
             name: _Belief(meshcat, f"{ROOT}/{name}", COLORS.get(name, palette.QUIET), mesh)
             for name in estimators
         }
+        meshcat.SetTriangleMesh(
+            f"{TRUTH}/object", *_as_mesh(*mesh), Rgba(*palette.rgb(palette.TRUTH))
+        )
         shown = next(iter(estimators), "")
         for name in estimators:
             meshcat.SetProperty(f"{ROOT}/{name}", "visible", name == shown)
@@ -229,6 +241,8 @@ class MeshcatView(LeafSystem):
             self._layers[name].draw(time, belief)
         first = next(iter(beliefs.values()), UNKNOWN_POSE)
         self._graph.draw(time, values.get("declutter_graph", NO_GRAPH), over=first.known)
+        if _TRUTH in values:
+            self._meshcat.SetTransform(f"{TRUTH}/object", values[_TRUTH], time)
         status = values.get(STATUS_PORT, TaskStatus())
         self._texts.draw(time, status, self._measured, first)
 
@@ -277,8 +291,7 @@ class _Belief:
         self._meshcat, self._path, self._number = meshcat, path, -1
         self._known = False
         parts = {"pose": 0.45, **{f"samples/{n}": 0.1 for n in range(_GHOSTS)}}
-        vertices = np.asfortranarray(mesh[0].T, dtype=float)
-        faces = np.asfortranarray(mesh[1].T.astype(np.int32))
+        vertices, faces = _as_mesh(*mesh)
         for part, opacity in parts.items():
             shade = Rgba(*palette.rgb(color), opacity)
             meshcat.SetTriangleMesh(f"{path}/{part}", vertices, faces, shade)
@@ -437,8 +450,8 @@ class _Texts:
             self._number += 1
             path = f"{self._path}/{self._number}"
             self._meshcat.SetObject(path, text_board(text, _BOARD_HEIGHT, (60, 60, 60)))
-            p_W = np.append(_LOOKING_AT[:2], _ABOVE - 1.15 * _BOARD_HEIGHT * line)
-            self._meshcat.SetTransform(path, upright_pose(p_W, _VIEWPOINT), time)
+            p_W = np.append(VIEWPOINT.p_WT[:2], _ABOVE - 1.15 * _BOARD_HEIGHT * line)
+            self._meshcat.SetTransform(path, upright_pose(p_W, VIEWPOINT.p_WV), time)
             board.show(path, time)
         self._text = texts
 
@@ -480,7 +493,7 @@ def _joined(vertices: Array, faces: Ids) -> tuple[Array, Ids]:
 
 def _as_mesh(vertices: Array, faces: Ids) -> tuple[Array, Ids]:
     """As Meshcat wants it: (3, V) and (3, T)."""
-    return np.asfortranarray(vertices.T), np.asfortranarray(faces.T.astype(np.int32))
+    return np.asfortranarray(vertices.T, dtype=float), np.asfortranarray(faces.T.astype(np.int32))
 
 
 def _set_coloured(meshcat: Meshcat, path: str, vertices: Array, faces: Ids, gains: Array) -> None:

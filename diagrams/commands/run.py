@@ -48,6 +48,10 @@ def run_command(
     close: Annotated[
         bool, typer.Option("--close", help="With --meshcat: end when the episode does.")
     ] = False,
+    paused: Annotated[
+        bool,
+        typer.Option("--paused", help="With --meshcat: wait on the page before the first tick."),
+    ] = False,
     own_object: Annotated[
         Path | None,
         typer.Option(
@@ -117,7 +121,14 @@ def run_command(
             numbered = out is None and not force
             with opened(out or default_folder(chosen), force=force, numbered=numbered) as folder:
                 sensors_file = folder / SENSORS_FILE if record_sensors else None
-                record = _simulate(application, chosen, viewer, sensors_file, is_live=meshcat)
+                record = _simulate(
+                    application,
+                    chosen,
+                    viewer,
+                    sensors_file=sensors_file,
+                    is_live=meshcat,
+                    begins_paused=paused,
+                )
                 if not recording:
                     record = replace(record, meshcat_html=None)
                 status = write_and_report(folder, application, record)
@@ -169,10 +180,9 @@ def _simulate(
     application: "Application",
     scenario: "Scenario",
     viewer: Any,
-    sensors_file: Path | None,
-    *,
-    is_live: bool,
+    **outputs: Any,
 ) -> "EpisodeRecord":
+    """Runs an episode under a progress bar; `outputs` are those of `run_episode`."""
     from tqdm import tqdm
 
     from crossmodal.diagrams.run.episode import run_episode
@@ -195,14 +205,7 @@ def _simulate(
             interrupt.check()
             bar.update(max(0.0, min(time, scenario.duration) - bar.n))
 
-        record = run_episode(
-            application,
-            scenario,
-            meshcat=viewer,
-            progress=progress,
-            sensors_file=sensors_file,
-            is_live=is_live,
-        )
+        record = run_episode(application, scenario, meshcat=viewer, progress=progress, **outputs)
         bar.total = bar.n  # An episode may end before its time is over.
         bar.refresh()
     return record

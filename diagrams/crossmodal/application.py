@@ -14,7 +14,7 @@ from crossmodal.diagrams.crossmodal.episode_parts import (
     make_estimators,
     make_station,
 )
-from crossmodal.diagrams.crossmodal.meshcat_view import add_view
+from crossmodal.diagrams.crossmodal.meshcat_view import VIEWPOINT, add_view
 from crossmodal.diagrams.crossmodal.modalities import COLORS, LABELS
 from crossmodal.diagrams.crossmodal.own_object import keep_files, own_object_assignments
 from crossmodal.diagrams.crossmodal.results.grasp_episode import GRASP_QUANTITIES
@@ -47,6 +47,7 @@ APPLICATION = Application(
     evaluate=evaluate,
     task_in_words=task_in_words,
     view=add_view,
+    viewpoint=VIEWPOINT,
     controls=make_controls,
     own_object=own_object_assignments,
     keep_files=keep_files,

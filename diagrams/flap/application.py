@@ -15,7 +15,7 @@ from crossmodal.diagrams.flap.episode_parts import (
 )
 from crossmodal.diagrams.flap.estimator_names import COLORS, LABELS
 from crossmodal.diagrams.flap.experiments import EXPERIMENTS
-from crossmodal.diagrams.flap.meshcat_view import add_view
+from crossmodal.diagrams.flap.meshcat_view import VIEWPOINT, add_view
 from crossmodal.diagrams.flap.own_tool import keep_files, own_tool_assignments
 from crossmodal.diagrams.flap.results.metrics import METRICS, OVERVIEW
 from crossmodal.diagrams.flap.results.results import evaluate
@@ -42,6 +42,7 @@ APPLICATION = Application(
     evaluate=evaluate,
     task_in_words=task_in_words,
     view=add_view,
+    viewpoint=VIEWPOINT,
     controls=lambda scenario: camera_controls(scenario.cameras),
     own_object=own_tool_assignments,
     keep_files=keep_files,

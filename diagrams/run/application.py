@@ -10,8 +10,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
 
+from crossmodal.diagrams.drawing.meshcat import Layers, Viewpoint
 from crossmodal.diagrams.run.calibration import Calibration
 from crossmodal.diagrams.run.experiment import CampaignPlot, Column, Experiment, Metric
 from crossmodal.diagrams.run.live.controls import Control
@@ -104,9 +106,11 @@ class Application:
             the usual way for their type will not do.
         evaluate: From what was recorded to what is shown of it.
         close_loop: Lets the station act by what its estimators say: connects them.
-        view: Adds systems that draw into Meshcat what is believed; returns the paths of what can be
-            shown in place of each other, by name.
-        controls: Sliders of the live page of a scenario, which write to inputs of its station.
+        view: Adds systems that draw into Meshcat what is believed and, hidden, what is true;
+            returns what can be shown and hidden.
+        viewpoint: From where a video shows the scene.
+        controls: Sliders and switches of the live page of a scenario, which write to inputs of its
+            station.
         own_object: The assignments `key.path=value` that put an object of the user's own in place
             of a scenario's. Given: the scenario, its name or file, the object and the user's own
             assignments. None where there is nothing to be replaced.
@@ -139,9 +143,11 @@ class Application:
         lambda builder, scenario, station, estimators: None
     )
     view: (
-        "Callable[[DiagramBuilder, Any, Meshcat, System, Mapping[str, System]], Mapping[str, str]]"
-        " | None"
+        Callable[[DiagramBuilder, Any, "Meshcat", System, Mapping[str, System]], Layers] | None
     ) = None
+    viewpoint: Viewpoint = field(
+        default_factory=lambda: Viewpoint(p_WV=np.array([2.0, 1.5, 1.5]), p_WT=np.zeros(3))
+    )
     controls: Callable[[Any], Sequence[Control]] = lambda scenario: ()
     own_object: Callable[[Any, str, OwnObject, Sequence[str]], Sequence[str]] | None = None
     keep_files: Callable[[Any], tuple[Any, Mapping[str, Path]]] = lambda scenario: (scenario, {})

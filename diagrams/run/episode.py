@@ -11,13 +11,16 @@ from pydrake.geometry import Meshcat, MeshcatVisualizer, MeshcatVisualizerParams
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, PortDataType, System
 
+from crossmodal.diagrams.drawing.legend import EventBoard
+from crossmodal.diagrams.drawing.meshcat import Layers
 from crossmodal.diagrams.run.application import Application, Station
 from crossmodal.diagrams.run.calibration import Calibration
 from crossmodal.diagrams.run.folder.fingerprint import contents
 from crossmodal.diagrams.run.live.controls import connect_controls
+from crossmodal.diagrams.run.live.events import EventText
 from crossmodal.diagrams.run.live.session import LiveSession
 from crossmodal.diagrams.run.process import peak_memory
-from crossmodal.diagrams.run.record import EpisodeRecord, Quantity, TaskStatus
+from crossmodal.diagrams.run.record import EpisodeRecord, Event, Quantity, TaskStatus
 from crossmodal.diagrams.run.recorder import (
     STATUS_PORT,
     EpisodeRecorder,
@@ -108,11 +111,13 @@ class Episode:
         meshcat: Meshcat | None = None,
         sensors_file: Path | None = None,
         is_live: bool = False,
+        begins_paused: bool = False,
     ) -> None:
         self._scenario = scenario
         self._meshcat = meshcat
         self.session: LiveSession | None = None
-        self._is_live = is_live
+        self._events: EventText | None = None
+        self._is_live, self._begins_paused = is_live, begins_paused
         with building(scenario.name):
             self._build(application, scenario, sensors_file)
 
@@ -159,23 +164,32 @@ class Episode:
                 self.estimators,
                 sensors_file,
             )
-        if self._meshcat is not None and station.HasOutputPort(SCENE_PORT):
-            layers: Mapping[str, str] = {}
-            if application.view is not None:
-                layers = application.view(
-                    builder, scenario, self._meshcat, station, self.estimators
-                )
-            params = MeshcatVisualizerParams(publish_period=1.0 / 16.0)
-            scene = MeshcatVisualizer(self._meshcat, params)
-            builder.AddNamedSystem("meshcat_scene", scene)
-            builder.Connect(station.GetOutputPort(SCENE_PORT), scene.query_object_input_port())
-            if self._is_live:
-                controls = application.controls(scenario)
-                self.session = LiveSession(meshcat=self._meshcat, layers=layers, controls=controls)
-                connect_controls(builder, station, controls, self._meshcat.GetSliderValue, period)
-        else:
+        if not station.HasOutputPort(SCENE_PORT) and application.view is None:
             self._meshcat = None
+        if self._meshcat is not None:
+            self._add_view(builder, application, self._meshcat, station)
         self.diagram = builder.Build()
+
+    def _add_view(
+        self, builder: DiagramBuilder, application: Application, meshcat: Meshcat, station: Diagram
+    ) -> None:
+        scenario, layers = self._scenario, Layers()
+        spans = scenario.disturbances.spans()
+        title = f"{scenario.name}, seed {scenario.seed}"
+        self._events = EventText(EventBoard(meshcat), self.recorder, spans, title)
+        if application.view is not None:
+            layers = application.view(builder, scenario, meshcat, station, self.estimators)
+        if station.HasOutputPort(SCENE_PORT):
+            params = MeshcatVisualizerParams(publish_period=1.0 / 16.0)
+            scene = builder.AddNamedSystem("meshcat_scene", MeshcatVisualizer(meshcat, params))
+            builder.Connect(station.GetOutputPort(SCENE_PORT), scene.query_object_input_port())
+        if self._is_live:
+            controls = application.controls(scenario)
+            self.session = LiveSession(
+                meshcat=meshcat, layers=layers, controls=controls, is_paused=self._begins_paused
+            )
+            read, period = meshcat.GetSliderValue, scenario.network_period
+            connect_controls(builder, station, controls, read, period)
 
     def Run(self, progress: Callable[[float], None] | None = None) -> EpisodeRecord:
         """Simulates until the robot has stopped or the scenario's time is over.
@@ -196,6 +210,8 @@ class Episode:
         began = time.perf_counter()
         with compilation_timed() as compiling:
             try:
+                if self.session is not None:
+                    self.session.between_ticks()
                 advance_by_ticks(
                     simulator,
                     self.recorder,
@@ -211,6 +227,9 @@ class Episode:
                 if self._sensor_log is not None:
                     self._sensor_log.close(root.get_time(), interrupted=interrupted)
         wall_time = time.perf_counter() - began - compiling.seconds
+        if self._events is not None:
+            how = "ended by hand" if interrupted else "the episode is over"
+            self._events.add(Event(time=root.get_time(), name=how))
         if self.session is not None:
             wall_time -= self.session.waited
             self.session.close()
@@ -235,17 +254,19 @@ class Episode:
             meshcat_html=None if self._meshcat is None else recorded_page(self._meshcat),
         )
 
-    def _between_ticks(
-        self, progress: Callable[[float], None] | None
-    ) -> Callable[[float], None] | None:
-        session = self.session
-        if session is None:
-            return progress
+    def _between_ticks(self, progress: Callable[[float], None] | None) -> Callable[[float], None]:
+        session, events = self.session, self._events
 
         def between(time: float) -> None:
             if progress is not None:
                 progress(time)
-            session.between_ticks()
+            if session is not None:
+                hand = [Event(time=time, name=f"by hand: {what}") for what in session.changes()]
+                self.recorder.events.extend(hand)
+            if events is not None:
+                events.update(time)
+            if session is not None:
+                session.between_ticks()
 
         return between
 
@@ -364,6 +385,7 @@ def run_episode(
     progress: Callable[[float], None] | None = None,
     sensors_file: Path | None = None,
     is_live: bool = False,
+    begins_paused: bool = False,
 ) -> EpisodeRecord:
     """Builds and simulates one episode.
 
@@ -373,6 +395,10 @@ def run_episode(
         progress: Called with the simulated time [s], about once per tick.
         sensors_file: Where to keep the sensor streams, so that they can be replayed.
         is_live: Whether a person at the page may pause, end and change it.
+        begins_paused: Whether it then waits for that person before its first tick.
     """
+    if meshcat is not None:
+        EventBoard(meshcat).show([f"{scenario.name}, seed {scenario.seed}: is being built"])
     compile_ahead(application.name)
-    return Episode(application, scenario, meshcat, sensors_file, is_live).Run(progress)
+    episode = Episode(application, scenario, meshcat, sensors_file, is_live, begins_paused)
+    return episode.Run(progress)

@@ -2,9 +2,17 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
 from pydrake.systems.framework import Context, DiagramBuilder, DiscreteValues, LeafSystem, System
+
+
+class ControlKind(StrEnum):
+    """How a value is changed: within a range, or between zero (off) and one (on)."""
+
+    SLIDER = "slider"
+    SWITCH = "switch"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -13,6 +21,7 @@ class Control:
 
     Attributes:
         name: On the page, with its unit.
+        kind: Slider or switch.
         port: Input port (1,) of the station; what it has without one is the scenario's.
         low: Least value.
         high: Largest value.
@@ -23,11 +32,19 @@ class Control:
 
     name: str
     port: str
-    low: float
-    high: float
-    step: float
-    value: float
+    kind: ControlKind = ControlKind.SLIDER
+    low: float = 0.0
+    high: float = 1.0
+    step: float = 1.0
+    value: float = 0.0
     factor: float = 1.0
+
+    def written(self, value: float) -> str:
+        """Its name with a value, for people."""
+        if self.kind is ControlKind.SWITCH:
+            return f"{self.name} {'on' if value else 'off'}"
+        name, _, unit = self.name.partition(" [")
+        return f"{name} {value:.3g} {unit.removesuffix(']')}".rstrip()
 
 
 class ControlValues(LeafSystem):

@@ -6,6 +6,7 @@ Dense Clutter", sections II-C and II-D.
 
 from pydrake.math import RigidTransform
 
+from crossmodal.diagrams.clutter.controls import make_controls
 from crossmodal.diagrams.clutter.estimator_names import COLORS, LABELS
 from crossmodal.diagrams.clutter.estimators import (
     make_calibration,
@@ -25,7 +26,6 @@ from crossmodal.diagrams.clutter.station.station import close_loop, make_station
 from crossmodal.diagrams.run.application import Application
 from crossmodal.diagrams.run.experiment import Column, Experiment
 from crossmodal.diagrams.run.record import Quantity
-from crossmodal.diagrams.stations.camera_controls import camera_controls
 from crossmodal.plants.goods.clutter_density import NO_DENSITY
 from crossmodal.systems.port_values import (
     NO_GRAPH,
@@ -72,7 +72,8 @@ APPLICATION = Application(
     evaluate=evaluate,
     view=add_view,
     viewpoint=VIEWPOINT,
-    controls=lambda scenario: camera_controls(scenario.cameras),
+    film=lambda scenario: ["color_measured"] if scenario.station == "robots" else [],
+    controls=make_controls,
     labels=LABELS,
     colors=COLORS,
     metrics=[*metrics(), *declutter_metrics()],

@@ -83,6 +83,10 @@ def run_command(
         float, typer.Option(help="Of its lengths; 0.001 for a model in millimetres.")
     ] = 1.0,
     recording: Annotated[bool, typer.Option(help="Write meshcat.html.")] = True,
+    video: Annotated[
+        bool,
+        typer.Option("--video", help="Write episode.mp4: camera and view from outside; slower."),
+    ] = False,
     record_sensors: Annotated[
         bool, typer.Option("--record-sensors", help="Keep the sensor streams, for `replay`.")
     ] = False,
@@ -97,7 +101,14 @@ def run_command(
         from dataclasses import replace
 
         from crossmodal.diagrams.applications import load_scenario
-        from crossmodal.diagrams.run.folder.run_folder import SENSORS_FILE, default_folder, opened
+        from crossmodal.diagrams.drawing.meshcat import clear_player
+        from crossmodal.diagrams.run.folder.run_folder import (
+            SENSORS_FILE,
+            VIDEO_FILE,
+            default_folder,
+            opened,
+        )
+        from crossmodal.diagrams.run.video import need_encoder
 
         assignments = list(overrides or [])
         if seed is not None:
@@ -115,8 +126,10 @@ def run_command(
         }
         assignments[:0] = _own_object(scenario, assignments, own_object, scale, about_object)
         application, chosen = load_scenario(scenario, assignments)
+        if video:
+            need_encoder()
         viewer = _start_meshcat(host, port, announce=meshcat) if meshcat or recording else None
-        goes_on = True
+        goes_on, named = True, out
         while goes_on:
             numbered = out is None and not force
             with opened(out or default_folder(chosen), force=force, numbered=numbered) as folder:
@@ -128,15 +141,18 @@ def run_command(
                     sensors_file=sensors_file,
                     is_live=meshcat,
                     begins_paused=paused,
+                    video_file=folder / VIDEO_FILE if video else None,
                 )
                 if not recording:
                     record = replace(record, meshcat_html=None)
                 status = write_and_report(folder, application, record)
             goes_on = meshcat and (record.wants_next or (not close and _stays(viewer)))
             if goes_on:
+                clear_player(viewer)
                 assignments.append(f"seed={chosen.seed + 1}")
                 _, chosen = load_scenario(scenario, assignments)
-                out = None if out is None else out.with_name(f"{folder.name}-seed{chosen.seed}")
+                following = f"{named.name}-seed{chosen.seed}" if named else ""
+                out = named.with_name(following) if named else None
     raise typer.Exit(status)
 
 

@@ -5,7 +5,13 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from pydrake.geometry import GeometryId, Meshcat, MeshcatParams, SceneGraphInspector
+from pydrake.geometry import (
+    GeometryId,
+    Meshcat,
+    MeshcatAnimation,
+    MeshcatParams,
+    SceneGraphInspector,
+)
 from pydrake.math import RigidTransform, RotationMatrix
 
 from crossmodal.maths.arrays import Array
@@ -60,6 +66,11 @@ def clear_view(meshcat: Meshcat, view: Viewpoint) -> None:
     meshcat.Delete(TRUTH)
     meshcat.SetProperty(TRUTH, "visible", False)
     meshcat.SetCameraPose(view.p_WV, view.p_WT)
+
+
+def clear_player(meshcat: Meshcat) -> None:
+    """Takes an ended episode's recording off the page, which would move what comes after it."""
+    meshcat.SetAnimation(MeshcatAnimation())
 
 
 def legend_title(shown: str, labels: Mapping[str, str]) -> str:

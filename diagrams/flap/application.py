@@ -11,6 +11,7 @@ from crossmodal.diagrams.flap.episode_parts import (
     TOPICS,
     close_loop,
     make_calibration,
+    make_controls,
     make_estimators,
 )
 from crossmodal.diagrams.flap.estimator_names import COLORS, LABELS
@@ -23,7 +24,6 @@ from crossmodal.diagrams.flap.results.task import task_in_words
 from crossmodal.diagrams.flap.scenario import SCENARIO_FOLDER, Scenario, resolve
 from crossmodal.diagrams.flap.station.station import make_flap_station
 from crossmodal.diagrams.run.application import Application
-from crossmodal.diagrams.stations.camera_controls import camera_controls
 
 APPLICATION = Application(
     name="flap",
@@ -43,7 +43,7 @@ APPLICATION = Application(
     task_in_words=task_in_words,
     view=add_view,
     viewpoint=VIEWPOINT,
-    controls=lambda scenario: camera_controls(scenario.cameras),
+    controls=make_controls,
     own_object=own_tool_assignments,
     keep_files=keep_files,
     labels=LABELS,

@@ -13,10 +13,10 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, PortD
 
 from crossmodal.diagrams.drawing.legend import EventBoard
 from crossmodal.diagrams.drawing.meshcat import Layers
-from crossmodal.diagrams.run.application import Application, Station
+from crossmodal.diagrams.run.application import SCENE_PORT, Application, Station
 from crossmodal.diagrams.run.calibration import Calibration
 from crossmodal.diagrams.run.folder.fingerprint import contents
-from crossmodal.diagrams.run.live.controls import connect_controls
+from crossmodal.diagrams.run.live.controls import Control, ControlKind, connect_controls
 from crossmodal.diagrams.run.live.events import EventText
 from crossmodal.diagrams.run.live.session import LiveSession
 from crossmodal.diagrams.run.process import peak_memory
@@ -30,11 +30,10 @@ from crossmodal.diagrams.run.scenario import Scenario
 from crossmodal.diagrams.run.sensor_streams.log import SensorLogWriter, SensorRecorder, make_streams
 from crossmodal.diagrams.run.sensor_streams.stream_faults import add_stream_faults, model_of
 from crossmodal.diagrams.run.ticks import advance_by_ticks
+from crossmodal.diagrams.run.video import VideoWriter, add_video
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line, suggestion
 from crossmodal.maths.compiled import compilation_timed
 from crossmodal.systems.compile_ahead import compile_ahead
-
-SCENE_PORT = "cheat_query_object"  # Of a station whose scene Meshcat can draw.
 
 
 class StationWarning(UserWarning):
@@ -112,7 +111,10 @@ class Episode:
         sensors_file: Path | None = None,
         is_live: bool = False,
         begins_paused: bool = False,
+        video_file: Path | None = None,
     ) -> None:
+        self._video_file = video_file
+        self._video: VideoWriter | None = None
         self._scenario = scenario
         self._meshcat = meshcat
         self.session: LiveSession | None = None
@@ -131,7 +133,9 @@ class Episode:
         builder = DiagramBuilder()
         station = builder.AddNamedSystem("station", self.station.diagram)
         faults = scenario.disturbances.faults
-        heard = add_stream_faults(builder, station, faults, period, scenario.seed)
+        controls = application.controls(scenario) if self._is_live else []
+        silenced = [control.port for control in controls if control.kind is ControlKind.SILENCE]
+        heard = add_stream_faults(builder, station, faults, period, scenario.seed, silenced)
         self._stopwatches = {
             name: _add_estimator(builder, heard, name, estimator, period)
             for name, estimator in self.estimators.items()
@@ -164,14 +168,29 @@ class Episode:
                 self.estimators,
                 sensors_file,
             )
+        if self._video_file is not None:
+            film = application.film or application.pictures
+            self._video = add_video(
+                builder,
+                station,
+                film(scenario),
+                application.viewpoint,
+                self._video_file,
+                period,
+            )
         if not station.HasOutputPort(SCENE_PORT) and application.view is None:
             self._meshcat = None
         if self._meshcat is not None:
-            self._add_view(builder, application, self._meshcat, station)
+            self._add_view(builder, application, self._meshcat, station, controls)
         self.diagram = builder.Build()
 
     def _add_view(
-        self, builder: DiagramBuilder, application: Application, meshcat: Meshcat, station: Diagram
+        self,
+        builder: DiagramBuilder,
+        application: Application,
+        meshcat: Meshcat,
+        station: Diagram,
+        controls: Sequence[Control],
     ) -> None:
         scenario, layers = self._scenario, Layers()
         spans = scenario.disturbances.spans()
@@ -184,12 +203,25 @@ class Episode:
             scene = builder.AddNamedSystem("meshcat_scene", MeshcatVisualizer(meshcat, params))
             builder.Connect(station.GetOutputPort(SCENE_PORT), scene.query_object_input_port())
         if self._is_live:
-            controls = application.controls(scenario)
             self.session = LiveSession(
                 meshcat=meshcat, layers=layers, controls=controls, is_paused=self._begins_paused
             )
             read, period = meshcat.GetSliderValue, scenario.network_period
             connect_controls(builder, station, controls, read, period)
+
+    def Start(self) -> Simulator:
+        """A simulator of the diagram in its initial state."""
+        simulator = Simulator(self.diagram)
+        self.station.initialise(simulator.get_mutable_context())
+        if self.station.after_step is not None:
+            simulator.set_monitor(self.station.after_step)
+        if self._meshcat is not None:
+            self._meshcat.DeleteRecording()
+            self._meshcat.StartRecording(frames_per_second=16.0)
+        if self._events is not None:
+            self._events.begin()
+        simulator.Initialize()
+        return simulator
 
     def Run(self, progress: Callable[[float], None] | None = None) -> EpisodeRecord:
         """Simulates until the robot has stopped or the scenario's time is over.
@@ -197,15 +229,8 @@ class Episode:
         A KeyboardInterrupt ends it early; what was recorded until then is returned.
         """
         scenario = self._scenario
-        simulator = Simulator(self.diagram)
-        root = simulator.get_mutable_context()
-        self.station.initialise(root)
-        if self.station.after_step is not None:
-            simulator.set_monitor(self.station.after_step)
-        if self._meshcat is not None:
-            self._meshcat.DeleteRecording()
-            self._meshcat.StartRecording(frames_per_second=16.0)
-        simulator.Initialize()
+        simulator = self.Start()
+        root = simulator.get_context()
         interrupted = True
         began = time.perf_counter()
         with compilation_timed() as compiling:
@@ -218,12 +243,14 @@ class Episode:
                     scenario.network_period,
                     scenario.duration,
                     scenario.stop_time,
-                    self._between_ticks(progress),
+                    self.between_ticks(progress),
                 )
                 interrupted = False
             except KeyboardInterrupt:
                 pass
             finally:
+                if self._video is not None:
+                    self._video.close()
                 if self._sensor_log is not None:
                     self._sensor_log.close(root.get_time(), interrupted=interrupted)
         wall_time = time.perf_counter() - began - compiling.seconds
@@ -236,7 +263,7 @@ class Episode:
         for name, (start, stop) in self._stopwatches.items():
             pairs = zip(start.marks, stop.marks, strict=False)
             self.recorder.estimators[name].tick_times = [b - a for a, b in pairs]
-        log = self._sensor_log
+        log, video = self._sensor_log, self._video
         return EpisodeRecord(
             scenario=scenario,
             calibration=self.calibration,
@@ -250,7 +277,8 @@ class Episode:
             interrupted=interrupted,
             wants_next=self.session is not None and self.session.wants_next,
             sensors_file=None if log is None or log.failure else log.path,
-            missing=[log.failure] if log is not None and log.failure else [],
+            video_file=None if video is None or video.failure else video.path,
+            missing=[file.failure for file in (log, video) if file is not None and file.failure],
             meshcat_html=None if self._meshcat is None else recorded_page(self._meshcat),
         )
 
@@ -386,6 +414,7 @@ def run_episode(
     sensors_file: Path | None = None,
     is_live: bool = False,
     begins_paused: bool = False,
+    video_file: Path | None = None,
 ) -> EpisodeRecord:
     """Builds and simulates one episode.
 
@@ -396,9 +425,12 @@ def run_episode(
         sensors_file: Where to keep the sensor streams, so that they can be replayed.
         is_live: Whether a person at the page may pause, end and change it.
         begins_paused: Whether it then waits for that person before its first tick.
+        video_file: Where to keep a video of it.
     """
     if meshcat is not None:
         EventBoard(meshcat).show([f"{scenario.name}, seed {scenario.seed}: is being built"])
     compile_ahead(application.name)
-    episode = Episode(application, scenario, meshcat, sensors_file, is_live, begins_paused)
+    episode = Episode(
+        application, scenario, meshcat, sensors_file, is_live, begins_paused, video_file
+    )
     return episode.Run(progress)

@@ -34,10 +34,19 @@ ESTIMATES_FILE = "estimates.parquet"
 SUMMARY_FILE = "summary.json"
 MESHCAT_FILE = "meshcat.html"
 SENSORS_FILE = "sensors.mcap"
+VIDEO_FILE = "episode.mp4"
 PAGE_FILE = "report.html"
 PLOT_FOLDER = "figures"
 # What a run may write whatever its application is.
-FILES = (SCENARIO_FILE, ESTIMATES_FILE, SUMMARY_FILE, MESHCAT_FILE, SENSORS_FILE, PAGE_FILE)
+FILES = (
+    SCENARIO_FILE,
+    ESTIMATES_FILE,
+    SUMMARY_FILE,
+    MESHCAT_FILE,
+    SENSORS_FILE,
+    VIDEO_FILE,
+    PAGE_FILE,
+)
 
 
 def default_folder(scenario: Scenario) -> Path:
@@ -213,11 +222,14 @@ class RunWriter:
             self._earlier += [f"{PLOT_FOLDER}/{name}" for name in results.plots]
         self._application, self._record, self._results = application, record, results
         self.missing = list(record.missing)
-        self.written = [] if record.sensors_file is None else [record.sensors_file]
+        self.written = [
+            file for file in (record.sensors_file, record.video_file) if file is not None
+        ]
         self._names = [SCENARIO_FILE, *application.keep_files(record.scenario)[1], ESTIMATES_FILE]
         self._names += [f"{PLOT_FOLDER}/{name}" for name in results.plots]
         self._names += [MESHCAT_FILE] if record.meshcat_html is not None else []
         self._names += [SENSORS_FILE] if record.sensors_file is not None else []
+        self._names += [VIDEO_FILE] if record.video_file is not None else []
         self._names += [PAGE_FILE]
         self.summary = summarise(application, record, results)
         self.summary |= {"files": self._names, "checksums": {}}
@@ -274,7 +286,12 @@ class RunWriter:
         from crossmodal.diagrams.drawing.page import render
 
         scenario, failure = self._record.scenario, self.summary["failure"]
-        links = {"in 3D": MESHCAT_FILE, "all figures": SUMMARY_FILE, "scenario": SCENARIO_FILE}
+        links = {
+            "in 3D": MESHCAT_FILE,
+            "video": VIDEO_FILE,
+            "all figures": SUMMARY_FILE,
+            "scenario": SCENARIO_FILE,
+        }
         outcome = "done" if self.summary["success"] else "not known whether it was done"
         return render(
             Path(__file__).with_name("run_page.html.jinja"),

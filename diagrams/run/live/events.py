@@ -35,7 +35,10 @@ class EventText:
         self._read = 0  # Of the recorder's events.
         self._faults: dict[str, str] = {}  # Of each stream.
         self._events: list[Event] = []
-        board.show([title])
+
+    def begin(self) -> None:
+        """Shows the title."""
+        self._show([], 0.0)
 
     def update(self, time: float) -> None:
         """Adds what has happened until `time` [s] and shows it."""

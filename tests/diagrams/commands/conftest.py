@@ -40,6 +40,8 @@ def fake_episode(monkeypatch: pytest.MonkeyPatch) -> types.SimpleNamespace:
         progress: Progress = None,
         sensors_file: Path | None = None,
         is_live: bool = False,
+        begins_paused: bool = False,
+        video_file: Path | None = None,
     ) -> EpisodeRecord:
         import warnings
 

@@ -8,7 +8,7 @@ import numpy as np
 from pydrake.geometry import Box, Sphere
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
-from pydrake.multibody.tree import RevoluteJoint, SpatialInertia
+from pydrake.multibody.tree import RevoluteJoint, SpatialInertia, UnitInertia
 from pydrake.systems.framework import DiagramBuilder
 
 from crossmodal.diagrams.drawing.meshcat import ROOT, TRUTH, Layers, clear_view
@@ -40,18 +40,19 @@ class LastAngle(RecursiveFilter):
         super().__init__()
         window = SampleWindow(times=np.zeros(0), values=np.zeros((0, 2)))
         self._window = self._declare_value_input("state_window", window)
-        self._declare_recursion(0.0, self._update, scenario.network_period)
+        self._declare_recursion((0.0,), self._update, scenario.network_period)
         self._declare_latest("angle_latest", lambda angle: angle)
 
     def _update(self, context, angle):
         window = self._read(self._window, context)
-        return float(window.values[-1, 0]) if len(window.values) else angle
+        return (float(window.values[-1, 0]),) if len(window.values) else angle
 
 
 def make_station(scenario, calibration):
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.005)
-    rod = plant.AddRigidBody("rod", SpatialInertia.PointMass(1.0, [0.0, 0.0, -0.5]))
+    inertia = SpatialInertia(1.0, [0.0, 0.0, -0.5], UnitInertia(0.3, 0.3, 0.05))
+    rod = plant.AddRigidBody("rod", inertia)
     shape = RigidTransform([0.0, 0.0, -0.25])
     plant.RegisterVisualGeometry(rod, shape, Box(0.05, 0.05, 0.5), "rod", [0.8, 0.3, 0.1, 1.0])
     joint = RevoluteJoint("hinge", plant.world_frame(), rod.body_frame(), [0.0, 1.0, 0.0], 0.1)
@@ -74,7 +75,7 @@ def add_view(builder, scenario, meshcat, station, estimators):
 
 
 def rows(estimator, tick, station):
-    yield scalar("angle", tick.values["angle_latest"], true=station.values["cheat_state"][0])
+    yield scalar("angle", tick.values["angle_latest"][0], true=station.values["cheat_state"][0])
 
 
 APPLICATION = Application(
@@ -86,7 +87,7 @@ APPLICATION = Application(
     make_estimators=lambda scenario, calibration: {
         name: LastAngle(scenario) for name in ("left", "right")
     },
-    quantities=lambda scenario: [Quantity(port="angle_latest", model=0.0)],
+    quantities=lambda scenario: [Quantity(port="angle_latest", model=(0.0,))],
     station_quantities=lambda scenario: [Quantity(port="cheat_state", model=np.zeros(2))],
     evaluate=partial(evaluate_rows, rows=rows, units={"angle": "rad"}),
     view=add_view,

@@ -18,6 +18,7 @@ def shown(board: Mock) -> list[str]:
 def test_phases_disturbances_and_reported_faults_appear_once_and_in_order() -> None:
     board, recorder = Mock(), EpisodeRecorder(0.1, ["vision", "crossmodal"], [])
     text = EventText(board, recorder, [("lights off", Interval(start=1.0, end=2.0))], "door")
+    text.begin()
     text.update(0.0)
     assert shown(board) == []
     recorder.events.append(Event(time=0.9, name="closing"))

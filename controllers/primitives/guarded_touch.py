@@ -130,8 +130,9 @@ class GuardedTouch(ArmTask):
       that holds the object, what holds all others, `obstacles`, and `done`.
     - `taxel_measured`: (3 T,) forces on the taxels, [N].
     - `is_clear`: (1,) above 0.5 while the other arm is out of the way.
-    - `approach_speed`: (1,) of the approaches that begin now, [m/s], and `contact_threshold`: (1,)
-      of the force on a taxel, [N]; the configured ones if not connected.
+    - `approach_speed`: (1,) of the approaches that begin now, [m/s]; the configured one if not
+      connected.
+    - `contact_threshold`: (1,) of the force on a taxel, [N]; the configured one if not connected.
 
     Output ports:
     - `joint_position_commanded`: (n,), [rad].

@@ -76,8 +76,8 @@ class FlipSequence(Sequence):
       gone is followed.
     - `taxel_health_latest`: `StreamHealth` of the taxels; while it has an age, nothing is sought.
       May stay unconnected.
-    - `force_desired`: (1,) of the contact, [N], and `feed_speed`: (1,) along x_S, [m/s]; the
-      configured ones if not connected.
+    - `force_desired`: (1,) of the contact, [N]; the configured one if not connected.
+    - `feed_speed`: (1,) of the contact along x_S, [m/s]; the configured one if not connected.
     - `misalignment_seen`: (1,) of `VisualServoing`, [rad]; the finger first turns to the flap, then
       approaches it. May stay unconnected.
 
@@ -121,7 +121,8 @@ class FlipSequence(Sequence):
         self._declare_state(FIRST, config.period)
         vector, on_contact = self._declare_vector, self._on_state | {self._contact.ticket()}
         vector("phase", 1, lambda c: self._state(c).phase, self._on_state)
-        vector("feed_forward", 1, self._calc_feed, self._on_time | {self.all_input_ports_ticket()})
+        on_feed = self._on_time | {self._settings["feed_speed"].ticket()}
+        vector("feed_forward", 1, self._calc_feed, on_feed)
         vector("approach_twist_desired", 6, self._calc_approach, on_contact)
         state, on_state = self._state, self._on_state
         vector(

@@ -82,7 +82,7 @@ def make_controls(scenario: Scenario) -> list[Control]:
             name="flip speed [mm/s]", port=FEED_SPEED, low=0.0, high=30.0, step=0.5,
             value=1e3 * control.sequence.feed_speed, factor=1e-3,
         ),
-        silence("taxels", TAXELS),
+        silence("taxels", "taxel_window"),
         silence("finger's joints", "finger_joint_state_window"),
         silence("holder's joints", "holder_joint_state_window"),
         silence("depth", "depth_measured"),

@@ -282,7 +282,10 @@ class Episode:
             meshcat_html=None if self._meshcat is None else recorded_page(self._meshcat),
         )
 
-    def _between_ticks(self, progress: Callable[[float], None] | None) -> Callable[[float], None]:
+    def between_ticks(
+        self, progress: Callable[[float], None] | None = None
+    ) -> Callable[[float], None]:
+        """What is done with the time [s] after every tick: a person's wishes, and the events."""
         session, events = self.session, self._events
 
         def between(time: float) -> None:

@@ -109,7 +109,7 @@ class EpisodeVideo(LeafSystem):
     What was written is kept outside the Context, so one video serves one simulation.
 
     Input ports:
-    - `<camera port>`: `StampedImage` in colour, of each camera.
+    - `<camera>`: `StampedImage` in colour, of each camera.
     - `query_object`: `QueryObject` of the scene; may stay unconnected.
 
     Args:

@@ -57,6 +57,6 @@ def add_stream_faults(
         failing = builder.AddNamedSystem(
             faults_of(name), FailingStream(model_of(port), own, period, seed)
         )
-        builder.Connect(port, failing.get_input_port())
+        builder.Connect(port, failing.GetInputPort("measured"))
         heard[name] = failing.get_output_port()
     return lambda name: heard[name] if name in heard else source.GetOutputPort(name)

@@ -13,7 +13,6 @@ from typing import Annotated
 
 import numpy as np
 import typer
-from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, System
 from tqdm import tqdm
 
@@ -78,10 +77,8 @@ def main(
     """Prints the table."""
     application, chosen = load_scenario(scenario, [f"seed={seed}"])
     episode = Episode(application, chosen)
-    simulator = Simulator(episode.diagram)
+    simulator = episode.Start()
     root = simulator.get_mutable_context()
-    episode.station.initialise(root)
-    simulator.Initialize()
     station = episode.station.diagram
     parts: dict[str, list[float]] = defaultdict(list)
     period = chosen.network_period

@@ -8,10 +8,10 @@ import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context
 
-from crossmodal.controllers.arm.joint_motion import JointMotion, rest_to_rest
+from crossmodal.controllers.arm.joint_motion import JointMotion, along_line, rest_to_rest
 from crossmodal.controllers.arm.kinematics import ArmModel
 from crossmodal.controllers.arm.motion_planner import MotionPlanner, box_vertices
-from crossmodal.controllers.arm.sequence import Sequence
+from crossmodal.controllers.arm.sequence import Sequence, read
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.validation import number
 
@@ -48,6 +48,8 @@ class ArmTask(Sequence):
     Input ports:
     - `joint_state_measured`: (2 n,) of this arm, [rad], [rad/s].
     - `<other>_joint_state_measured`: (2 m,) of each other arm that may be in the way.
+    - `pace`: (1,) share of the configured speeds at which the motions that begin now are made. May
+      stay unconnected; then it is one.
 
     Output ports:
     - `joint_position_commanded`: (n,), [rad].
@@ -71,6 +73,7 @@ class ArmTask(Sequence):
         super().__init__(arm)
         self._planner, self._transit = planner, transit
         self._limits = transit.joint_speed * arm.plant.GetVelocityUpperLimits()
+        self._pace = self.DeclareVectorInputPort("pace", 1)
         self._others = {
             name: self.DeclareVectorInputPort(f"{name}_joint_state_measured", 2 * joints)
             for name, joints in others.items()
@@ -93,5 +96,16 @@ class ArmTask(Sequence):
             for name, port in self._others.items()
         }
 
-    def _motion(self, path: Array, time: float) -> JointMotion:
-        return rest_to_rest(path, self._arm, time, self._transit.speed, self._limits)
+    def _motion(self, path: Array, context: Context) -> JointMotion:
+        """The motion through a path (K, n) that begins now."""
+        pace = float(read(self._pace, context, 1.0)[0])
+        limits, speed = pace * self._limits, pace * self._transit.speed
+        return rest_to_rest(path, self._arm, context.get_time(), speed, limits)
+
+    def _line(
+        self, postures: Array, speed: float, context: Context, eased: bool = False
+    ) -> JointMotion:
+        """The motion through postures (K, n) close to each other, at a speed [m/s], from now on."""
+        pace = float(read(self._pace, context, 1.0)[0])
+        limits, now = pace * self._limits, context.get_time()
+        return along_line(postures, self._arm, now, pace * speed, limits, eased)

@@ -12,9 +12,10 @@ from pydrake.common.value import Value
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.framework import Context
 
-from crossmodal.controllers.arm.joint_motion import JointMotion, along_line, resting
+from crossmodal.controllers.arm.joint_motion import JointMotion, resting
 from crossmodal.controllers.arm.kinematics import ArmModel
 from crossmodal.controllers.arm.motion_planner import MotionPlanner
+from crossmodal.controllers.arm.sequence import read
 from crossmodal.controllers.primitives.arm_task import (
     ArmTask,
     TransitConfig,
@@ -129,6 +130,9 @@ class GuardedTouch(ArmTask):
       that holds the object, what holds all others, `obstacles`, and `done`.
     - `taxel_measured`: (3 T,) forces on the taxels, [N].
     - `is_clear`: (1,) above 0.5 while the other arm is out of the way.
+    - `approach_speed`: (1,) of the approaches that begin now, [m/s]; the configured one if not
+      connected.
+    - `contact_threshold`: (1,) of the force on a taxel, [N]; the configured one if not connected.
 
     Output ports:
     - `joint_position_commanded`: (n,), [rad].
@@ -169,6 +173,8 @@ class GuardedTouch(ArmTask):
         self._touch = self.DeclareAbstractInputPort("touch_latest", Value[object]())
         self._taxels = self.DeclareVectorInputPort("taxel_measured", 3 * taxels)
         self._is_clear = self.DeclareVectorInputPort("is_clear", 1)
+        self._speed = self.DeclareVectorInputPort("approach_speed", 1)
+        self._threshold = self.DeclareVectorInputPort("contact_threshold", 1)
         first = TouchState(motion=resting(q_home), tare=no_tare(taxels))
         self._declare_state(first, config.period)
         self._declare_command()
@@ -187,10 +193,11 @@ class GuardedTouch(ArmTask):
     def _next(self, context: Context) -> TouchState:
         state: TouchState = self._state(context)
         time, config = context.get_time(), self._config
+        threshold = float(read(self._threshold, context, config.threshold)[0])
         guarded = state.phase in (TouchPhase.TRANSIT, TouchPhase.APPROACH)
         if guarded:
             largest = np.linalg.norm(self._forces(context, state), axis=1).max()
-            exceeded = state.exceeded + 1 if largest > config.threshold else 0
+            exceeded = state.exceeded + 1 if largest > threshold else 0
             if exceeded >= config.confirmations:
                 return self._ended(context, state, TouchOutcome.CONTACT)
             if exceeded != state.exceeded:
@@ -219,7 +226,7 @@ class GuardedTouch(ArmTask):
         self._planner.look_at(others, believed_obstacles(wanted))
         if len(state.path) and not self._planner.is_free(here):
             # What is believed now holds the object here, too: it goes back the way it came.
-            back = self._motion(np.vstack([here, state.path[::-1]]), context.get_time())
+            back = self._motion(np.vstack([here, state.path[::-1]]), context)
             return replace(state, phase=TouchPhase.RETREAT, motion=back, path=state.path[:0])
         if ended:
             return self._home(context, state)
@@ -258,7 +265,7 @@ class GuardedTouch(ArmTask):
         return replace(
             state,
             phase=TouchPhase.TRANSIT,
-            motion=self._motion(state.path, time),
+            motion=self._motion(state.path, context),
             tare=taken,
             exceeded=0,
         )
@@ -268,11 +275,11 @@ class GuardedTouch(ArmTask):
         return state.tare.forces(np.asarray(self._taxels.Eval(context)))
 
     def _approach(self, context: Context, state: TouchState) -> TouchState:
-        time, speed = context.get_time(), self._config.speed
+        speed = float(read(self._speed, context, self._config.speed)[0])
         return replace(
             state,
             phase=TouchPhase.APPROACH,
-            motion=along_line(state.line, self._arm, time, speed, self._limits),
+            motion=self._line(state.line, speed, context),
             q_start=self._positions(context),
         )
 
@@ -288,13 +295,12 @@ class GuardedTouch(ArmTask):
             forces=self._forces(context, state),
         )
         back = state.motion.back(time, q)
-        speed = self._transit.speed
         # An approach is a straight line, and the way back must not leave it.
-        retreat = along_line(back, self._arm, time, speed, self._limits)
+        retreat = self._line(back, self._transit.speed, context)
         return replace(
             state,
             phase=TouchPhase.RETREAT,
-            motion=retreat if approaching else self._motion(back, time),
+            motion=retreat if approaching else self._motion(back, context),
             end=end,
             exceeded=0,
         )
@@ -305,7 +311,7 @@ class GuardedTouch(ArmTask):
         path = self._planner.path(here, self._q_home, np.random.default_rng(0))
         if path is None:  # It stays where it is: no touch is wanted any more.
             return replace(state, phase=TouchPhase.WAIT, stays=True)
-        return replace(state, phase=TouchPhase.HOME, motion=self._motion(path, context.get_time()))
+        return replace(state, phase=TouchPhase.HOME, motion=self._motion(path, context))
 
 
 def touch_lines(

@@ -145,7 +145,7 @@ class Look(ArmTask):
             return replace(state, phase=LookPhase.WAIT)
         # What is believed of the object may have changed so that there is no way: back as it came.
         path = self._path(context, self._q_home, seed=0)
-        motion = self._motion(state.trail[::-1] if path is None else path, context.get_time())
+        motion = self._motion(state.trail[::-1] if path is None else path, context)
         return replace(state, phase=LookPhase.HOME, motion=motion, trail=self._q_home[None])
 
     def _begin(self, context: Context, state: LookState, view: Any) -> LookState:
@@ -156,7 +156,7 @@ class Look(ArmTask):
         path = None if goal is None else self._path(context, goal, number)
         if path is None:
             return replace(state, number=number, unreachable=number)
-        motion, trail = self._motion(path, context.get_time()), np.vstack([state.trail, path[1:]])
+        motion, trail = self._motion(path, context), np.vstack([state.trail, path[1:]])
         return replace(state, phase=LookPhase.MOVE, motion=motion, trail=trail, number=number)
 
     def _path(self, context: Context, goal: Array, seed: int) -> Array | None:

@@ -8,7 +8,7 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import Context
 
-from crossmodal.controllers.arm.joint_motion import JointMotion, along_line, resting
+from crossmodal.controllers.arm.joint_motion import JointMotion, resting
 from crossmodal.controllers.arm.kinematics import ArmModel
 from crossmodal.controllers.arm.motion_planner import MotionPlanner
 from crossmodal.controllers.primitives.action_plan import ActionPlan, ActionPlanner, Leg
@@ -286,7 +286,7 @@ class MoveObject(ArmTask):
         lengths = np.array([self._planner.length(back[: k + 1]) for k in range(len(back))])
         end = [np.interp(relief, lengths, joint) for joint in back.T]
         line = np.vstack([back[lengths < relief], end])
-        up = along_line(line, self._arm, time, self._config.speed, self._limits)
+        up = self._line(line, self._config.speed, context)
         trail = (*state.trail, replace(state.leg, postures=back))
         return replace(state, leg=replace(state.leg, postures=None), motion=up, trail=trail)
 
@@ -410,8 +410,8 @@ class MoveObject(ArmTask):
                     self._others_now(context),
                 )
                 if path is not None:
-                    return replace(state, motion=self._motion(path, time), trail=())
-            motion = self._leg_motion(leg, state.motion.at(time), time)
+                    return replace(state, motion=self._motion(path, context), trail=())
+            motion = self._leg_motion(leg, state.motion.at(time), context)
             return replace(state, motion=motion, trail=tuple(trail))
         end = replace(state.end, seconds=time - state.started)
         return replace(state, leg=Leg(phase=ActionPhase.WAIT), last=end)
@@ -461,19 +461,19 @@ class MoveObject(ArmTask):
             back = state.motion.back(time, q)
             speed = max(state.leg.speed, self._config.carry_speed)
             trail = (*trail, replace(state.leg, postures=back, speed=speed))
-        motion = resting(q) if leg.postures is None else self._leg_motion(leg, q, time)
+        motion = resting(q) if leg.postures is None else self._leg_motion(leg, q, context)
         state = replace(state, leg=leg, motion=motion, trail=trail, legs=tuple(rest))
         return self._retreat(context, state) if leg.phase is ActionPhase.RETREAT else state
 
-    def _leg_motion(self, leg: Leg, q: Array, time: float) -> JointMotion:
+    def _leg_motion(self, leg: Leg, q: Array, context: Context) -> JointMotion:
         """Of a leg, from where the arm is: it may have landed before the end of the last one."""
         assert leg.postures is not None
         if leg.phase is ActionPhase.TRANSIT:
-            return self._motion(leg.postures, time)
+            return self._motion(leg.postures, context)
         eased = leg.phase is not ActionPhase.PUSH
         passed = int(np.argmin(np.linalg.norm(leg.postures - q, axis=1)))
         left = np.vstack([q, leg.postures[passed + 1 :]])
-        return along_line(left, self._arm, time, leg.speed, self._limits, eased)
+        return self._line(left, leg.speed, context, eased)
 
 
 def _opening(state: MoveState) -> float:

@@ -1,5 +1,6 @@
 """The sequence of flipping a flap: approach its edge, establish contact, flip, retreat, done."""
 
+from copy import copy
 from typing import Any
 
 import numpy as np
@@ -75,6 +76,8 @@ class FlipSequence(Sequence):
       gone is followed.
     - `taxel_health_latest`: `StreamHealth` of the taxels; while it has an age, nothing is sought.
       May stay unconnected.
+    - `force_desired`: (1,) of the contact, [N]; the configured one if not connected.
+    - `feed_speed`: (1,) of the contact along x_S, [m/s]; the configured one if not connected.
     - `misalignment_seen`: (1,) of `VisualServoing`, [rad]; the finger first turns to the flap, then
       approaches it. May stay unconnected.
 
@@ -111,10 +114,15 @@ class FlipSequence(Sequence):
         self._hinge = self.DeclareAbstractInputPort("hinge_latest", Value[object]())
         self._health = self.DeclareAbstractInputPort("taxel_health_latest", Value[object]())
         self._misalignment = self.DeclareVectorInputPort("misalignment_seen", 1)
+        self._settings = {
+            "force": self.DeclareVectorInputPort("force_desired", 1),
+            "feed_speed": self.DeclareVectorInputPort("feed_speed", 1),
+        }
         self._declare_state(FIRST, config.period)
         vector, on_contact = self._declare_vector, self._on_state | {self._contact.ticket()}
         vector("phase", 1, lambda c: self._state(c).phase, self._on_state)
-        vector("feed_forward", 1, lambda c: feed_forward(self._state(c), c.get_time(), config))
+        on_feed = self._on_time | {self._settings["feed_speed"].ticket()}
+        vector("feed_forward", 1, self._calc_feed, on_feed)
         vector("approach_twist_desired", 6, self._calc_approach, on_contact)
         state, on_state = self._state, self._on_state
         vector(
@@ -122,6 +130,19 @@ class FlipSequence(Sequence):
         )
         vector("visual_projector", 6, lambda c: visual_projector(state(c).phase, config), on_state)
         self._declare_value("failure", "", lambda c: self._state(c).why, self._on_state)
+
+    def _config_now(self, context: Context) -> FlipSequenceConfig:
+        """The configuration with what is set from outside."""
+        given = {name: port for name, port in self._settings.items() if port.HasValue(context)}
+        if not given:
+            return self._config
+        config = copy(self._config)
+        for name, port in given.items():
+            setattr(config, name, float(port.Eval(context)[0]))
+        return config
+
+    def _calc_feed(self, context: Context) -> float:
+        return feed_forward(self._state(context), context.get_time(), self._config_now(context))
 
     def _calc_approach(self, context: Context) -> Array:
         contact: Any = self._contact.Eval(context)
@@ -139,4 +160,4 @@ class FlipSequence(Sequence):
             misalignment=float(read(self._misalignment, context, 0.0)[0]),
             distrust=health.fault if health is not None and health.age > 0.0 else "",
         )
-        return next_flip_state(self._state(context), now, self._config)
+        return next_flip_state(self._state(context), now, self._config_now(context))

@@ -70,9 +70,13 @@ def inverted_sensor_jacobian(semi_axes: Array) -> Array:
     return J
 
 
-def feature_errors(contact: Any, config: TactileServoingConfig) -> Array:
-    """Actual minus desired features (6,) of a `TactileContact`; zero where it has none."""
-    desired = np.array([*config.position, 0.0, -config.force, 0.0, 0.0])
+def feature_errors(contact: Any, config: TactileServoingConfig, force: float) -> Array:
+    """Actual minus desired features (6,) of a `TactileContact`; zero where it has none.
+
+    Args:
+        force: That the contact should have, [N].
+    """
+    desired = np.array([*config.position, 0.0, -force, 0.0, 0.0])
     x, _, z = contact.p_SC
     actual = np.array([x, z, *-contact.f_S, contact.edge_angle])
     return np.nan_to_num(actual - desired)
@@ -123,6 +127,7 @@ class TactileServoing(LeafSystem):
     - `contact_latest`: `TactileContact` of the fingertip.
     - `tactile_projector`: (6,) diagonal of P_tact, ones and zeros, in the order of a twist: w_x,
       w_y, w_z, v_x, v_y, v_z.
+    - `force_desired`: (1,) of the contact, [N]; the configured one if not connected.
     - `twist_share`: (1,) of `TwistToJoints`; integrals stand still below one. May stay unconnected.
 
     Output ports:
@@ -153,6 +158,7 @@ class TactileServoing(LeafSystem):
         self._jacobian = inverted_sensor_jacobian(semi_axes)
         self._contact = self.DeclareAbstractInputPort("contact_latest", Value[object]())
         self._projector = self.DeclareVectorInputPort("tactile_projector", 6)
+        self._force = self.DeclareVectorInputPort("force_desired", 1)
         self._share = self.DeclareVectorInputPort("twist_share", 1)
         self.DeclareDiscreteState(np.concatenate([np.full(FEATURES, np.nan), np.zeros(FEATURES)]))
         self.DeclareVectorOutputPort("tactile_twist_desired", 6, self._calc_twist)
@@ -162,12 +168,18 @@ class TactileServoing(LeafSystem):
         state = np.asarray(context.get_discrete_state_vector().value())
         return state[:FEATURES], state[FEATURES:]
 
+    def _error(self, context: Context, contact: Any) -> Array:
+        force = self._config.force
+        if self._force.HasValue(context):
+            force = float(self._force.Eval(context)[0])
+        return feature_errors(contact, self._config, force)
+
     def _calc_twist(self, context: Context, output: BasicVector) -> None:
         contact: Any = self._contact.Eval(context)
         if not contact.touching:
             output.SetFromVector(np.zeros(6))
             return
-        error = feature_errors(contact, self._config)
+        error = self._error(context, contact)
         u = self._pid.output(error, *self._remembered(context))
         V_WC_S = np.asarray(self._projector.Eval(context)) * (self._jacobian @ u)
         output.SetFromVector(from_contact(V_WC_S, contact.p_SC))
@@ -178,7 +190,7 @@ class TactileServoing(LeafSystem):
         if not contact.touching:
             state.SetFromVector(np.repeat([np.nan, 0.0], FEATURES))
             return
-        error = feature_errors(contact, self._config)
+        error = self._error(context, contact)
         able = not self._share.HasValue(context) or bool(self._share.Eval(context)[0] > 0.99)
         total = self._pid.integrate(error, *self._remembered(context), able)
         state.SetFromVector(np.concatenate([error, total]))

@@ -6,6 +6,7 @@ Dense Clutter", sections II-C and II-D.
 
 from pydrake.math import RigidTransform
 
+from crossmodal.diagrams.clutter.controls import make_controls
 from crossmodal.diagrams.clutter.estimator_names import COLORS, LABELS
 from crossmodal.diagrams.clutter.estimators import (
     make_calibration,
@@ -13,7 +14,7 @@ from crossmodal.diagrams.clutter.estimators import (
 )
 from crossmodal.diagrams.clutter.glossary import GLOSSARY
 from crossmodal.diagrams.clutter.listing import LISTING
-from crossmodal.diagrams.clutter.meshcat_view import add_view
+from crossmodal.diagrams.clutter.meshcat_view import VIEWPOINT, add_view
 from crossmodal.diagrams.clutter.own_mesh import keep_files, own_mesh_assignments
 from crossmodal.diagrams.clutter.results.declutter_results import declutter_metrics
 from crossmodal.diagrams.clutter.results.results import evaluate, metrics
@@ -26,7 +27,6 @@ from crossmodal.diagrams.clutter.station.station import close_loop, make_station
 from crossmodal.diagrams.run.application import Application
 from crossmodal.diagrams.run.experiment import Column
 from crossmodal.diagrams.run.record import Quantity
-from crossmodal.diagrams.stations.camera_controls import camera_controls
 from crossmodal.plants.goods.clutter_density import NO_DENSITY
 from crossmodal.systems.port_values import (
     NO_GRAPH,
@@ -72,7 +72,9 @@ APPLICATION = Application(
     ],
     evaluate=evaluate,
     view=add_view,
-    controls=lambda scenario: camera_controls(scenario.cameras),
+    viewpoint=VIEWPOINT,
+    film=lambda scenario: ["color_measured"] if scenario.station == "robots" else [],
+    controls=make_controls,
     glossary=GLOSSARY,
     labels=LABELS,
     colors=COLORS,

@@ -6,10 +6,8 @@ from pathlib import Path
 import numpy as np
 import trimesh
 from pydrake.geometry import (
-    Cylinder,
     Mesh,
     Meshcat,
-    MeshcatCone,
     Rgba,
     Role,
     SceneGraph,
@@ -27,16 +25,19 @@ from pydrake.systems.framework import (
 
 from crossmodal.diagrams.clutter.estimator_names import COLORS, LABELS
 from crossmodal.diagrams.clutter.meshcat_graph import GRAPH_LEGEND, GraphLayer
+from crossmodal.diagrams.clutter.meshcat_requests import GRID, MUCH, Touches, Views, as_mesh
 from crossmodal.diagrams.clutter.robot_config import OBJECT
 from crossmodal.diagrams.clutter.scenario import Scenario, target_mesh, target_name
 from crossmodal.diagrams.drawing import palette
 from crossmodal.diagrams.drawing.legend import Entry, show_legend
 from crossmodal.diagrams.drawing.meshcat import (
     ROOT,
+    TRUTH,
+    Layers,
     Shown,
+    Viewpoint,
     clear_view,
     estimator_layers,
-    frame_along,
     legend_title,
     rigid_transform,
     scene_path,
@@ -49,7 +50,6 @@ from crossmodal.diagrams.run.record import TaskStatus
 from crossmodal.diagrams.run.recorder import STATUS_PORT, declare_input, read_inputs
 from crossmodal.maths.arrays import Array, Ids
 from crossmodal.maths.gaussian import chi_square_gate
-from crossmodal.systems.active.occupancy_grid import OccupancyGrid
 from crossmodal.systems.active.view_planner import NO_GRID
 from crossmodal.systems.port_values import (
     NO_GRAPH,
@@ -59,25 +59,20 @@ from crossmodal.systems.port_values import (
     UNKNOWN_POSE,
     ObjectPose,
     PoseMeasurement,
-    TouchRequest,
-    ViewRequest,
 )
 
+_TRUTH = "cheat_object_pose"
 _PERIOD = 0.1  # Between drawings, [s].
 _TEXT_INTERVAL = 0.5  # Least time between new texts, [s].
-# Where the page is first seen from, and what the texts face, p_WV; and its target, [m].
-_VIEWPOINT, _LOOKING_AT = np.array([0.66, -0.82, 0.8]), np.array([0.5, 0.0, 0.2])
+# From where the page is first seen, and what the texts face.
+VIEWPOINT = Viewpoint(p_WV=np.array([0.66, -0.82, 0.8]), p_WT=np.array([0.5, 0.0, 0.2]))
 _BOARD_HEIGHT = 0.028  # [m]
 _ABOVE = 0.62  # Of the texts above the table, [m].
-_CLOUD, _CONTACT, _GRID, _MIDDLE = "#66CCEE", "#CC3311", "#CCBB44", "#332288"
-_LITTLE, _MUCH = "#AAAAAA", "#AA3377"  # Of what a candidate would teach.
+_CLOUD, _CONTACT, _MIDDLE = "#66CCEE", "#CC3311", "#332288"
 _MOST_POINTS = 3000  # Of a view's cloud.
 _GHOSTS = 6
 _FADED = 0.3  # Opacity of the simulated object.
-_OCCUPIED = float(np.log(0.6 / 0.4))  # Log odds of a cell that is drawn.
 _RADII = float(np.sqrt(chi_square_gate(0.05, 3)))  # Of a 95 % ellipsoid, in standard deviations.
-_FRUSTUM, _CHOSEN_FRUSTUM = 0.018, 0.06  # Lengths of a camera, [m].
-_ARROW = 0.02  # Length of a candidate touch, [m].
 
 
 def _legend(shown: str, clears: bool) -> list[Entry]:
@@ -88,9 +83,10 @@ def _legend(shown: str, clears: bool) -> list[Entry]:
         ("bar", palette.QUIET, "the simulated object"),
         ("bar", COLORS.get(shown, palette.QUIET), "the object as believed; faint: as it may be"),
         ("dot", _MIDDLE, "where its middle is with 95 %"),
-        ("dot", _GRID, "cell that is occupied with p > 0.6"),
-        ("bar", _MUCH, "candidate view or touch; the greyer, the less it would teach"),
+        ("dot", GRID, "cell that is occupied with p > 0.6"),
+        ("bar", MUCH, "candidate view or touch; the greyer, the less it would teach"),
         ("bar", palette.PLAN, "the chosen one; ball: where contact is expected"),
+        ("bar", palette.TRUTH, "the object where it truly is, if that is shown"),
     ]
 
 
@@ -100,9 +96,11 @@ def add_view(
     meshcat: Meshcat,
     station: Diagram,
     estimators: Mapping[str, System],
-) -> dict[str, str]:
+) -> Layers:
     """Adds a view of what is measured, believed and planned."""
-    scene_graph = station.GetSubsystemByName("scene_graph")
+    bodies = {}
+    if station.HasSubsystemNamed("scene_graph"):  # A rig has no scene.
+        bodies = _object_meshes(station.GetSubsystemByName("scene_graph"))
     view = builder.AddNamedSystem(
         "meshcat_view",
         MeshcatView(
@@ -110,16 +108,16 @@ def add_view(
             list(estimators),
             target_name(scenario),
             _read(target_mesh(scenario), scenario.target.scale),
-            _object_meshes(scene_graph),
+            bodies,
             clears=scenario.clutter.count > 0,
         ),
     )
     clearing = ["declutter_graph"] if scenario.clutter.count else []
-    ports = ["pose_measurement", "view_latest", "touch_latest", "grid_latest", STATUS_PORT]
+    ports = ["pose_measurement", "view_latest", "touch_latest", "grid_latest", STATUS_PORT, _TRUTH]
     for port in [*ports, *clearing]:
         builder.Connect(station.GetOutputPort(port), view.GetInputPort(port))
     connect_latest(builder, estimators, view)
-    return estimator_layers(estimators, LABELS)
+    return Layers(estimators=estimator_layers(estimators, LABELS), truth=TRUTH)
 
 
 def _object_meshes(scene_graph: SceneGraph) -> dict[str, tuple[Array, Ids]]:
@@ -155,6 +153,7 @@ class MeshcatView(LeafSystem):
     - `touch_latest`: `TouchRequest`.
     - `grid_latest`: `OccupancyGrid`.
     - `task_status`: `TaskStatus`.
+    - `cheat_object_pose`: `RigidTransform` X_WO, drawn for whom wants it.
     - `declutter_graph`: `DeclutterGraph`, if something is cleared away.
     - `<estimator>_object_pose_latest`: `ObjectPose`.
 
@@ -180,13 +179,14 @@ class MeshcatView(LeafSystem):
     ) -> None:
         super().__init__()
         self._meshcat = meshcat
-        clear_view(meshcat, _VIEWPOINT, _LOOKING_AT)
+        clear_view(meshcat, VIEWPOINT)
         models = {
             "pose_measurement": NO_MEASUREMENT,
             "view_latest": NO_VIEW,
             "touch_latest": NO_TOUCH,
             "grid_latest": NO_GRID,
             STATUS_PORT: TaskStatus(),
+            _TRUTH: RigidTransform(),
             **({"declutter_graph": NO_GRAPH} if clears else {}),
         }
         self._ports = {name: declare_input(self, name, model) for name, model in models.items()}
@@ -198,13 +198,16 @@ class MeshcatView(LeafSystem):
             name: _Belief(meshcat, f"{ROOT}/{name}", COLORS.get(name, palette.QUIET), mesh)
             for name in estimators
         }
+        meshcat.SetTriangleMesh(
+            f"{TRUTH}/object", *as_mesh(*mesh), Rgba(*palette.rgb(palette.TRUTH))
+        )
         shown = next(iter(estimators), "")
         for name in estimators:
             meshcat.SetProperty(f"{ROOT}/{name}", "visible", name == shown)
         show_legend(meshcat, legend_title(shown, LABELS), _legend(shown, clears))
         self._measured = _Measured(meshcat, f"{ROOT}/measured")
-        self._views = _Views(meshcat, f"{ROOT}/views")
-        self._touches = _Touches(meshcat, f"{ROOT}/touches")
+        self._views = Views(meshcat, f"{ROOT}/views")
+        self._touches = Touches(meshcat, f"{ROOT}/touches")
         self._graph = GraphLayer(meshcat, f"{ROOT}/graph")
         self._texts = _Texts(meshcat, f"{ROOT}/text", target)
         self._bodies = dict(bodies or {})
@@ -216,7 +219,7 @@ class MeshcatView(LeafSystem):
             while self._bodies:
                 path, (vertices, faces) = self._bodies.popitem()
                 color = Rgba(*palette.rgb(palette.QUIET), _FADED)
-                self._meshcat.SetTriangleMesh(path, *_as_mesh(vertices, faces), color)
+                self._meshcat.SetTriangleMesh(path, *as_mesh(vertices, faces), color)
         values = read_inputs(self._ports, context)
         beliefs = read_inputs(self._beliefs, context)
         measurement = values.get("pose_measurement", NO_MEASUREMENT)
@@ -229,6 +232,8 @@ class MeshcatView(LeafSystem):
             self._layers[name].draw(time, belief)
         first = next(iter(beliefs.values()), UNKNOWN_POSE)
         self._graph.draw(time, values.get("declutter_graph", NO_GRAPH), over=first.known)
+        if _TRUTH in values:
+            self._meshcat.SetTransform(f"{TRUTH}/object", values[_TRUTH], time)
         status = values.get(STATUS_PORT, TaskStatus())
         self._texts.draw(time, status, self._measured, first)
 
@@ -277,8 +282,7 @@ class _Belief:
         self._meshcat, self._path, self._number = meshcat, path, -1
         self._known = False
         parts = {"pose": 0.45, **{f"samples/{n}": 0.1 for n in range(_GHOSTS)}}
-        vertices = np.asfortranarray(mesh[0].T, dtype=float)
-        faces = np.asfortranarray(mesh[1].T.astype(np.int32))
+        vertices, faces = as_mesh(*mesh)
         for part, opacity in parts.items():
             shade = Rgba(*palette.rgb(color), opacity)
             meshcat.SetTriangleMesh(f"{path}/{part}", vertices, faces, shade)
@@ -308,110 +312,6 @@ class _Belief:
         self._known, self._number = True, belief.number
 
 
-class _Views:
-    """The occupancy grid, and from where the object could be looked at next."""
-
-    def __init__(self, meshcat: Meshcat, path: str) -> None:
-        self._meshcat, self._path = meshcat, path
-        self._request, self._grid, self._grids = NO_VIEW, NO_GRID, 0
-        self._candidates, self._cells = Shown(meshcat), Shown(meshcat)
-        vertices, faces = _frustum(_CHOSEN_FRUSTUM)
-        color = Rgba(*palette.rgb(palette.PLAN))
-        meshcat.SetTriangleMesh(f"{path}/chosen", *_as_mesh(vertices, faces), color)
-        meshcat.SetProperty(f"{path}/chosen", "visible", False)
-        self._chosen = Shown(meshcat)
-
-    def draw(self, time: float, request: ViewRequest, grid: OccupancyGrid, over: bool) -> None:
-        """Draws what is new; `over`: no more views are wanted."""
-        if over:
-            for shown in (self._candidates, self._chosen, self._cells):
-                shown.hide(time)
-            return
-        if grid is not self._grid:
-            self._grid, self._grids = grid, self._grids + 1
-            self._draw_grid(time, grid)
-        if request.number > self._request.number:
-            self._request = request
-            self._draw_request(time, request)
-
-    def _draw_grid(self, time: float, grid: OccupancyGrid) -> None:
-        cells = np.argwhere(grid.log_odds > _OCCUPIED)
-        if len(cells) == 0:
-            self._cells.hide(time)
-            return
-        path = f"{self._path}/grid/{self._grids}"
-        half = 0.22 * grid.cell
-        at = grid.corner + grid.cell * (cells + 0.5)
-        cube = trimesh.creation.box(extents=3 * [2.0 * half])
-        vertices, faces = _copies(np.asarray(cube.vertices), np.asarray(cube.faces), at)
-        self._meshcat.SetTriangleMesh(path, *_as_mesh(vertices, faces), Rgba(*palette.rgb(_GRID)))
-        self._cells.show(path, time)
-
-    def _draw_request(self, time: float, request: ViewRequest) -> None:
-        if len(request.candidates):
-            path = f"{self._path}/candidates/{request.number}"
-            small, faces = _frustum(_FRUSTUM)
-            R, p = request.candidates[:, :3, :3], request.candidates[:, :3, 3]
-            vertices = small @ np.swapaxes(R, 1, 2) + p[:, None]
-            _set_coloured(self._meshcat, path, vertices, faces, request.gains)
-            self._candidates.show(path, time)
-        chosen = f"{self._path}/chosen"
-        self._meshcat.SetTransform(chosen, rigid_transform(request.X_WC), time)
-        self._chosen.show(chosen, time)
-
-
-class _Touches:
-    """Where the object could be touched next, and where it will be."""
-
-    def __init__(self, meshcat: Meshcat, path: str) -> None:
-        self._meshcat, self._path = meshcat, path
-        self._request = NO_TOUCH
-        self._candidates = Shown(meshcat)
-        color = Rgba(*palette.rgb(palette.PLAN))
-        chosen = f"{path}/chosen"
-        meshcat.SetObject(f"{chosen}/bar/rod", Cylinder(0.003, 1.0), color)
-        meshcat.SetObject(f"{chosen}/tip/cone", MeshcatCone(0.025, 0.009, 0.009), color)
-        # Meshcat's cone stands on its tip; this one points along the approach.
-        turned = RigidTransform(RotationMatrix.MakeXRotation(np.pi))
-        meshcat.SetTransform(f"{chosen}/tip/cone", turned)
-        meshcat.SetObject(f"{chosen}/expected", Sphere(0.009), color)
-        meshcat.SetProperty(chosen, "visible", False)
-        self._chosen = Shown(meshcat)
-
-    def draw(self, time: float, request: TouchRequest) -> None:
-        if request.done and not self._request.done:
-            self._request = request
-            self._candidates.hide(time)
-            self._chosen.hide(time)
-        if request.done or request.number <= self._request.number:
-            return
-        self._request = request
-        if len(request.candidates):
-            path = f"{self._path}/candidates/{request.number}"
-            cone = trimesh.creation.cone(0.25 * _ARROW, _ARROW, sections=8)
-            starts, directions = request.candidates[:, 0], request.candidates[:, 1]
-            R = np.array([frame_along(d).matrix() for d in directions])
-            vertices = np.asarray(cone.vertices) @ np.swapaxes(R, 1, 2) + starts[:, None]
-            faces = np.asarray(cone.faces)
-            _set_coloured(self._meshcat, path, vertices, faces, request.gains)
-            self._candidates.show(path, time)
-        self._draw_chosen(time, request)
-
-    def _draw_chosen(self, time: float, request: TouchRequest) -> None:
-        chosen, d = f"{self._path}/chosen", request.direction
-        R_WA = frame_along(d)
-        for part, along in (
-            ("bar", 0.5 * request.reach),
-            ("tip", request.reach),
-            ("expected", request.expected),
-        ):
-            X_WA = RigidTransform(R_WA, request.start + along * d)
-            self._meshcat.SetTransform(f"{chosen}/{part}", X_WA, time)
-        length = max(request.reach, 1e-4)
-        self._meshcat.SetProperty(f"{chosen}/bar/rod", "scale", [1.0, 1.0, length], time)
-        self._chosen.show(chosen, time)
-
-
 class _Texts:
     """Two lines above the object: what is done, and how well its pose is known."""
 
@@ -437,8 +337,8 @@ class _Texts:
             self._number += 1
             path = f"{self._path}/{self._number}"
             self._meshcat.SetObject(path, text_board(text, _BOARD_HEIGHT, (60, 60, 60)))
-            p_W = np.append(_LOOKING_AT[:2], _ABOVE - 1.15 * _BOARD_HEIGHT * line)
-            self._meshcat.SetTransform(path, upright_pose(p_W, _VIEWPOINT), time)
+            p_W = np.append(VIEWPOINT.p_WT[:2], _ABOVE - 1.15 * _BOARD_HEIGHT * line)
+            self._meshcat.SetTransform(path, upright_pose(p_W, VIEWPOINT.p_WV), time)
             board.show(path, time)
         self._text = texts
 
@@ -454,42 +354,3 @@ def describe_belief(views: int, touches: int, belief: ObjectPose) -> str:
         for C in (belief.covariance[:3, :3], belief.covariance[3:, 3:])
     )
     return f"{made}: σ up to {1e3 * move:.1f} mm, {np.rad2deg(turn):.1f}°"
-
-
-def _frustum(length: float) -> tuple[Array, Ids]:
-    """A camera's pyramid: vertices (5, 3) in C, its tip at C's origin, [m]; triangles (6, 3)."""
-    x, y = 0.55 * length, 0.4 * length
-    corners = [(-x, -y, length), (x, -y, length), (x, y, length), (-x, y, length)]
-    sides = [(0, 2, 1), (0, 3, 2), (0, 4, 3), (0, 1, 4), (1, 2, 3), (1, 3, 4)]
-    pyramid = trimesh.Trimesh([(0.0, 0.0, 0.0), *corners], sides, process=False)
-    pyramid.fix_normals()
-    return np.asarray(pyramid.vertices), np.asarray(pyramid.faces)
-
-
-def _copies(vertices: Array, faces: Ids, at: Array) -> tuple[Array, Ids]:
-    """One mesh of a body (V, 3), (T, 3) at many places (N, 3)."""
-    return _joined(vertices + at[:, None], faces)
-
-
-def _joined(vertices: Array, faces: Ids) -> tuple[Array, Ids]:
-    """One mesh of bodies (N, V, 3) that have the same triangles (T, 3)."""
-    count, size = vertices.shape[:2]
-    numbers = size * np.arange(count)[:, None, None] + faces
-    return vertices.reshape(-1, 3), numbers.reshape(-1, 3)
-
-
-def _as_mesh(vertices: Array, faces: Ids) -> tuple[Array, Ids]:
-    """As Meshcat wants it: (3, V) and (3, T)."""
-    return np.asfortranarray(vertices.T), np.asfortranarray(faces.T.astype(np.int32))
-
-
-def _set_coloured(meshcat: Meshcat, path: str, vertices: Array, faces: Ids, gains: Array) -> None:
-    """Draws bodies (N, V, 3) in colours by their gains (N,), the largest one fully coloured."""
-    low, high = float(gains.min()), float(gains.max())
-    share = (gains - low) / max(high - low, 1e-12)
-    little, much = np.array(palette.rgb(_LITTLE)), np.array(palette.rgb(_MUCH))
-    colors = little + share[:, None] * (much - little)
-    of_vertices = np.repeat(colors, vertices.shape[1], axis=0)
-    meshcat.SetTriangleColorMesh(
-        path, *_as_mesh(*_joined(vertices, faces)), np.asfortranarray(of_vertices.T)
-    )

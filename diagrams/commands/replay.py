@@ -127,11 +127,10 @@ def _replay_recording(
             f"{path}: is a recording; name --robot wam and --calibration FILE, of which"
             f" `crossmodal inspect {path} --drafts .` writes a draft"
         )
+    hidden = True if log.is_quiet else None
     try:
         known = read_calibration(calibration)
-        with tqdm(
-            desc="reading", unit="messages", disable=True if log.is_quiet else None, leave=False
-        ) as bar:
+        with tqdm(desc="reading", unit="messages", leave=False, disable=hidden) as bar:
             found = survey(path, lambda _: bar.update())
         chosen = likely_topic_map(found) if topics is None else read_topic_map(topics, found)
         ready = prepare(found, chosen, known, robot, overrides)
@@ -139,7 +138,7 @@ def _replay_recording(
             typer.echo(f"crossmodal: warning: {line}", err=True)
         place = out or Path("runs") / f"{path.stem}-replay"
         with opened(place, force=force, numbered=out is None and not force) as folder:
-            with tqdm(desc=path.stem, unit="tick", disable=True if log.is_quiet else None) as bar:
+            with tqdm(desc=path.stem, unit="tick", disable=hidden) as bar:
 
                 def progress(_: float) -> None:
                     bar.update()

@@ -58,6 +58,10 @@ def run_command(
     close: Annotated[
         bool, typer.Option("--close", help="With --meshcat: end when the episode does.")
     ] = False,
+    paused: Annotated[
+        bool,
+        typer.Option("--paused", help="With --meshcat: wait on the page before the first tick."),
+    ] = False,
     own_object: Annotated[
         Path | None,
         typer.Option(
@@ -89,6 +93,10 @@ def run_command(
         float, typer.Option(help="Of its lengths; 0.001 for a model in millimetres.")
     ] = 1.0,
     recording: Annotated[bool, typer.Option(help="Write meshcat.html.")] = True,
+    video: Annotated[
+        bool,
+        typer.Option("--video", help="Write episode.mp4: camera and view from outside; slower."),
+    ] = False,
     record_sensors: Annotated[
         bool, typer.Option("--record-sensors", help="Keep the sensor streams, for `replay`.")
     ] = False,
@@ -117,7 +125,14 @@ def run_command(
         from dataclasses import replace
 
         from crossmodal.diagrams.applications import load_scenario
-        from crossmodal.diagrams.run.folder.run_folder import SENSORS_FILE, default_folder, opened
+        from crossmodal.diagrams.drawing.meshcat import clear_player
+        from crossmodal.diagrams.run.folder.run_folder import (
+            SENSORS_FILE,
+            VIDEO_FILE,
+            default_folder,
+            opened,
+        )
+        from crossmodal.diagrams.run.video import need_encoder
 
         assignments = list(overrides or [])
         if seed is not None:
@@ -135,24 +150,36 @@ def run_command(
         }
         assignments[:0] = _own_object(scenario, assignments, own_object, scale, about_object)
         application, chosen = load_scenario(scenario, assignments)
+        if video:
+            need_encoder()
         viewer = _start_meshcat(host, port, announce=meshcat) if meshcat or recording else None
-        goes_on = True
+        goes_on, named = True, out
         while goes_on:
             numbered = out is None and not force
             with opened(out or default_folder(chosen), force=force, numbered=numbered) as folder:
                 sensors_file = folder / SENSORS_FILE if record_sensors else None
                 with _sink(stream, force) as sink:
                     record = _simulate(
-                        application, chosen, viewer, sensors_file, log, is_live=meshcat, sink=sink
+                        application,
+                        chosen,
+                        viewer,
+                        log,
+                        sensors_file=sensors_file,
+                        is_live=meshcat,
+                        begins_paused=paused,
+                        video_file=folder / VIDEO_FILE if video else None,
+                        sink=sink,
                     )
                 if not recording:
                     record = replace(record, meshcat_html=None)
                 status = write_and_report(folder, application, record, log)
             goes_on = meshcat and (record.wants_next or (not close and _stays(viewer)))
             if goes_on:
+                clear_player(viewer)
                 assignments.append(f"seed={chosen.seed + 1}")
                 _, chosen = load_scenario(scenario, assignments)
-                out = None if out is None else out.with_name(f"{folder.name}-seed{chosen.seed}")
+                following = f"{named.name}-seed{chosen.seed}" if named else ""
+                out = named.with_name(following) if named else None
                 if stream.endswith(".mcap"):
                     stream = f"{stream.removesuffix('.mcap')}-seed{chosen.seed}.mcap"
     raise typer.Exit(status)
@@ -211,12 +238,10 @@ def _simulate(
     application: "Application",
     scenario: "Scenario",
     viewer: Any,
-    sensors_file: Path | None,
     log: RunLog,
-    *,
-    is_live: bool,
-    sink: "Sink | None" = None,
+    **outputs: Any,
 ) -> "EpisodeRecord":
+    """Runs an episode under a progress bar; `outputs` are those of `run_episode`."""
     from tqdm import tqdm
 
     from crossmodal.diagrams.run.episode import run_episode
@@ -242,15 +267,7 @@ def _simulate(
             interrupt.check()
             bar.update(max(0.0, min(time, scenario.duration) - bar.n))
 
-        record = run_episode(
-            application,
-            scenario,
-            meshcat=viewer,
-            progress=progress,
-            sensors_file=sensors_file,
-            is_live=is_live,
-            sink=sink,
-        )
+        record = run_episode(application, scenario, meshcat=viewer, progress=progress, **outputs)
         bar.total = bar.n  # An episode may end before its time is over.
         bar.refresh()
     return record

@@ -16,7 +16,7 @@ from crossmodal.diagrams.crossmodal.episode_parts import (
 )
 from crossmodal.diagrams.crossmodal.glossary import GLOSSARY
 from crossmodal.diagrams.crossmodal.listing import LISTING
-from crossmodal.diagrams.crossmodal.meshcat_view import add_view
+from crossmodal.diagrams.crossmodal.meshcat_view import VIEWPOINT, add_view
 from crossmodal.diagrams.crossmodal.modalities import COLORS, LABELS
 from crossmodal.diagrams.crossmodal.own_object import keep_files, own_object_assignments
 from crossmodal.diagrams.crossmodal.results.grasp_episode import GRASP_QUANTITIES
@@ -51,6 +51,7 @@ APPLICATION = Application(
     acting=lambda scenario: scenario.acting_modality,
     task_in_words=task_in_words,
     view=add_view,
+    viewpoint=VIEWPOINT,
     controls=make_controls,
     own_object=own_object_assignments,
     keep_files=keep_files,

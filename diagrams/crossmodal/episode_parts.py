@@ -23,9 +23,10 @@ from crossmodal.diagrams.crossmodal.station.station import (
 from crossmodal.diagrams.crossmodal.station.station_control import PERCEIVED_INPUTS, PULL_SPEED
 from crossmodal.diagrams.run.application import Station
 from crossmodal.diagrams.run.calibration import Calibration
-from crossmodal.diagrams.run.live.controls import Control
+from crossmodal.diagrams.run.live.controls import Control, ControlKind, silence
 from crossmodal.diagrams.run.record import Quantity
 from crossmodal.diagrams.run.sensor_streams.codecs import JOINT_STATES, WRENCHES, Topic
+from crossmodal.diagrams.stations.add_soft_hand import LEAK
 from crossmodal.diagrams.stations.believed_robots import believed_robots
 from crossmodal.diagrams.stations.camera_controls import camera_controls
 from crossmodal.plants.robots.wam import WAM_WITH_SOFT_HAND
@@ -104,7 +105,15 @@ def make_controls(scenario: Scenario) -> list[Control]:
         factor=0.01,
     )  # fmt: skip
     pulls = scenario.control.excitation is None
-    return [*camera_controls(scenario.cameras), *([pulling] if pulls else [])]
+    return [
+        *camera_controls(scenario.cameras),
+        *([pulling] if pulls else []),
+        Control(name="the hand leaks", port=LEAK, kind=ControlKind.SWITCH),
+        silence("depth", "depth_measured"),
+        silence("wrist", "wrench_window"),
+        silence("arm's encoders", "joint_state_window"),
+        silence("hand's pressures", "pressure_window"),
+    ]
 
 
 def make_estimators(scenario: Scenario, calibration: Calibration) -> dict[str, Diagram]:

@@ -23,9 +23,13 @@ from crossmodal.diagrams.drawing.dots import set_dots
 from crossmodal.diagrams.drawing.legend import Entry, show_legend
 from crossmodal.diagrams.drawing.meshcat import (
     ROOT,
+    TRUTH,
+    Layers,
     Shown,
+    Viewpoint,
     clear_view,
     estimator_layers,
+    frame_along,
     legend_title,
     rigid_transform,
     show_from,
@@ -34,6 +38,7 @@ from crossmodal.diagrams.drawing.meshcat import (
 from crossmodal.diagrams.drawing.text_board import text_board
 from crossmodal.diagrams.drawing.textures import textured_boxes
 from crossmodal.diagrams.joints.joint_drawing import (
+    BAR_HEIGHT,
     BAR_LENGTH,
     JointSketch,
     helix_along,
@@ -50,6 +55,7 @@ from crossmodal.diagrams.joints.joint_truth import (
 from crossmodal.diagrams.run.episode import connect_latest
 from crossmodal.diagrams.run.record import Tick
 from crossmodal.diagrams.run.recorder import declare_input, read_inputs
+from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.vectors import normal_basis
 from crossmodal.systems.port_values import (
@@ -67,8 +73,8 @@ from crossmodal.systems.port_values import (
 _PERIOD = 0.1  # Between drawings, [s].
 _REFRESH_INTERVAL = 1.0  # Between new sets of features, which move between them, [s].
 _TEXT_INTERVAL = 0.5  # Least time between new texts, [s].
-# Where the page is first seen from, and what the texts face, p_WV; and its target, [m].
-_VIEWPOINT, _LOOKING_AT = np.array([-0.25, 0.75, 1.45]), np.array([0.6, -0.2, 0.85])
+# From where the page is first seen, and what the texts face.
+VIEWPOINT = Viewpoint(p_WV=np.array([-0.25, 0.75, 1.45]), p_WT=np.array([0.6, -0.2, 0.85]))
 _DOT_RADIUS = 0.009  # Of a feature, [m].
 _BAR_RADIUS = 0.007  # [m]
 _BOARD_HEIGHT = 0.05  # [m]
@@ -78,6 +84,7 @@ _LEGEND: list[Entry] = [
     ("bar", JOINT[JointType.REVOLUTE], "revolute joint, its axis within 2σ"),
     ("bar", JOINT[JointType.SCREW], "screw, its axis within 2σ"),
     ("line", palette.PLAN, "planned way of the hand"),
+    ("bar", palette.TRUTH, "the true joint, if it is shown"),
 ]
 
 
@@ -87,7 +94,7 @@ def add_view(
     meshcat: Meshcat,
     station: Diagram,
     estimators: Mapping[str, System],
-) -> dict[str, str]:
+) -> Layers:
     """Adds a view of what the estimators believe, and lets the scene be seen with its textures."""
     scene_graph = station.GetSubsystemByName("scene_graph")
     view = builder.AddNamedSystem(
@@ -97,7 +104,7 @@ def add_view(
     for port in ("path_planned", *(quantity.port for quantity in TRUTH_QUANTITIES)):
         builder.Connect(station.GetOutputPort(port), view.GetInputPort(port))
     connect_latest(builder, estimators, view)
-    return estimator_layers(estimators, LABELS)
+    return Layers(estimators=estimator_layers(estimators, LABELS), truth=TRUTH)
 
 
 class MeshcatView(LeafSystem):
@@ -133,7 +140,7 @@ class MeshcatView(LeafSystem):
     ) -> None:
         super().__init__()
         self._meshcat, self._textured = meshcat, dict(textured or {})
-        clear_view(meshcat, _VIEWPOINT, _LOOKING_AT)
+        clear_view(meshcat, VIEWPOINT)
         self._ports: dict[str, dict[str, InputPort]] = {}
         self._layers: dict[str, _Layer] = {}
         models = {
@@ -153,6 +160,7 @@ class MeshcatView(LeafSystem):
         self._path = self.DeclareAbstractInputPort("path_planned", Value[object]())
         self._truth_ports = {q.port: declare_input(self, q.port, q.model) for q in TRUTH_QUANTITIES}
         self._station: list[Tick] = []  # Those that the truth at the newest one follows from.
+        self._truth = _TrueJoint(meshcat)
         self._plan = _PlannedPath(meshcat, f"{ROOT}/planned_path")
         self.DeclarePeriodicPublishEvent(_PERIOD, 0.0, self._draw)
 
@@ -163,6 +171,7 @@ class MeshcatView(LeafSystem):
                 self._meshcat.SetObject(*self._textured.popitem())
         add_tick(self._station, Tick(time=time, values=read_inputs(self._truth_ports, context)))
         truth = truth_of_ticks(self._station)
+        self._truth.draw(time, truth)
         for modality, ports in self._ports.items():
             values = read_inputs(ports, context)
             bodies: BodyMotions = values.get("body_motions", BodyMotions())
@@ -173,6 +182,35 @@ class MeshcatView(LeafSystem):
             layer.draw_joint(time, joint, bodies.bodies, truth)
         if self._path.HasValue(context):
             self._plan.draw(time, self._path.Eval(context))
+
+
+class _TrueJoint:
+    """The explored joint as it is, at its body: its axis does not move in that."""
+
+    def __init__(self, meshcat: Meshcat) -> None:
+        self._meshcat = meshcat
+        self._X_WB_0: Array | None = None
+
+    def draw(self, time: float, truth: Truth) -> None:
+        if truth.joint_type is None or len(truth.X_WB) == 0:
+            return
+        if self._X_WB_0 is None:
+            self._X_WB_0 = truth.X_WB[0]
+            self._make(truth)
+        X_W = truth.X_WB[-1] @ se3.inverse(self._X_WB_0)
+        self._meshcat.SetTransform(f"{TRUTH}/joint", rigid_transform(X_W), time)
+
+    def _make(self, truth: Truth) -> None:
+        color = Rgba(*palette.rgb(palette.TRUTH))
+        p = truth.point_W
+        if truth.joint_type == JointType.PRISMATIC:  # Its axis has no place.
+            p = truth.X_WB[0, :3, 3] + np.array([0.0, 0.0, BAR_HEIGHT])
+        axis = f"{TRUTH}/joint/axis"
+        self._meshcat.SetObject(f"{axis}/bar", Cylinder(0.7 * _BAR_RADIUS, 1.3 * BAR_LENGTH), color)
+        self._meshcat.SetObject(f"{axis}/tip/cone", MeshcatCone(0.045, 0.015, 0.015), color)
+        tip = RigidTransform([0.0, 0.0, 0.65 * BAR_LENGTH]) @ _tip_pose()
+        self._meshcat.SetTransform(f"{axis}/tip", tip)
+        self._meshcat.SetTransform(axis, RigidTransform(frame_along(truth.axis_W), p))
 
 
 class _PlannedPath:
@@ -327,9 +365,9 @@ class _Layer:
 
     def _text_pose(self, p_WJ: Array) -> RigidTransform:
         """Upright above a joint at p_WJ and in front of it, its -y towards the viewer."""
-        to_viewer = _VIEWPOINT - p_WJ
+        to_viewer = VIEWPOINT.p_WV - p_WJ
         to_viewer /= np.linalg.norm(to_viewer)
-        return upright_pose(p_WJ + np.array([0.0, 0.0, 0.1]) + 0.15 * to_viewer, _VIEWPOINT)
+        return upright_pose(p_WJ + np.array([0.0, 0.0, 0.1]) + 0.15 * to_viewer, VIEWPOINT.p_WV)
 
 
 def _tip_pose() -> RigidTransform:

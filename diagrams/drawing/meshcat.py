@@ -2,16 +2,45 @@
 
 import socket
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
-from pydrake.geometry import GeometryId, Meshcat, MeshcatParams, SceneGraphInspector
+from pydrake.geometry import (
+    GeometryId,
+    Meshcat,
+    MeshcatAnimation,
+    MeshcatParams,
+    SceneGraphInspector,
+)
 from pydrake.math import RigidTransform, RotationMatrix
 
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.vectors import normal_basis
 
 ROOT = "/perception"  # Of what is believed.
+TRUTH = "/truth"  # Of what is true, hidden until somebody wants to see it.
 _SCENE = "/drake/visualizer"  # Of what Drake's `MeshcatVisualizer` shows.
+
+
+@dataclass(frozen=True, kw_only=True)
+class Layers:
+    """What can be shown and hidden of what a view draws.
+
+    Attributes:
+        estimators: Paths of which one is shown at a time, by the name of each.
+        truth: Path of what is true; empty where that is not drawn.
+    """
+
+    estimators: Mapping[str, str] = field(default_factory=dict)
+    truth: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Viewpoint:
+    """From where a scene is seen: p_WV of the viewer, p_WT of the middle, (3,) [m]."""
+
+    p_WV: Array
+    p_WT: Array
 
 
 def start_meshcat(host: str = "localhost", port: int | None = None) -> Meshcat:
@@ -31,15 +60,22 @@ def start_meshcat(host: str = "localhost", port: int | None = None) -> Meshcat:
     return meshcat
 
 
-def clear_view(meshcat: Meshcat, viewpoint: Array, looking_at: Array) -> None:
+def clear_view(meshcat: Meshcat, view: Viewpoint) -> None:
     """Removes what an earlier view may have left, and says where the page is first seen from."""
     meshcat.Delete(ROOT)
-    meshcat.SetCameraPose(viewpoint, looking_at)
+    meshcat.Delete(TRUTH)
+    meshcat.SetProperty(TRUTH, "visible", False)
+    meshcat.SetCameraPose(view.p_WV, view.p_WT)
+
+
+def clear_player(meshcat: Meshcat) -> None:
+    """Takes an ended episode's recording off the page, which would move what comes after it."""
+    meshcat.SetAnimation(MeshcatAnimation())
 
 
 def legend_title(shown: str, labels: Mapping[str, str]) -> str:
     """Whose beliefs are visible at first, and where the others are switched on."""
-    return f"as believed by {labels.get(shown, shown)}; others: Open Controls, Scene, perception"
+    return f"as believed by {labels.get(shown, shown)}; others, and the truth: Open Controls"
 
 
 def estimator_layers(estimators: Iterable[str], labels: Mapping[str, str]) -> dict[str, str]:

@@ -11,12 +11,13 @@ from crossmodal.diagrams.flap.episode_parts import (
     TOPICS,
     close_loop,
     make_calibration,
+    make_controls,
     make_estimators,
 )
 from crossmodal.diagrams.flap.estimator_names import COLORS, LABELS
 from crossmodal.diagrams.flap.glossary import GLOSSARY
 from crossmodal.diagrams.flap.listing import LISTING
-from crossmodal.diagrams.flap.meshcat_view import add_view
+from crossmodal.diagrams.flap.meshcat_view import VIEWPOINT, add_view
 from crossmodal.diagrams.flap.own_tool import keep_files, own_tool_assignments
 from crossmodal.diagrams.flap.perceived_tool import perceived_tool
 from crossmodal.diagrams.flap.results.metrics import METRICS, OVERVIEW
@@ -25,7 +26,6 @@ from crossmodal.diagrams.flap.results.task import task_in_words
 from crossmodal.diagrams.flap.scenario import Scenario, resolve
 from crossmodal.diagrams.flap.station.station import make_flap_station
 from crossmodal.diagrams.run.application import Application
-from crossmodal.diagrams.stations.camera_controls import camera_controls
 
 APPLICATION = Application(
     name=LISTING.name,
@@ -46,7 +46,8 @@ APPLICATION = Application(
     acting=lambda scenario: scenario.acting_estimator,
     task_in_words=task_in_words,
     view=add_view,
-    controls=lambda scenario: camera_controls(scenario.cameras),
+    viewpoint=VIEWPOINT,
+    controls=make_controls,
     own_object=own_tool_assignments,
     keep_files=keep_files,
     glossary=GLOSSARY,

@@ -51,6 +51,7 @@ def make_flip_control(
     Input ports:
     - `taxel_measured`, `joint_state_measured`: of the finger.
     - `flap_angle_latest`, `hinge_latest`, `flap_plane_latest`: beliefs, which may stay unconnected.
+    - `force_desired`, `feed_speed`: of `FlipSequence`; may stay unconnected.
 
     Output ports:
     - `joint_position_commanded`: (n,) of the finger's arm, [rad].
@@ -96,6 +97,8 @@ def make_flip_control(
     export_input(builder, "hinge_latest", sequence, visual)
     export_input(builder, "flap_plane_latest", visual)
     export_input(builder, "taxel_measured", taxels)
+    export_input(builder, "force_desired", sequence, tactile)
+    export_input(builder, "feed_speed", sequence)
     export_outputs(builder, joints, "joint_position_commanded")
     export_outputs(builder, sequence, "phase", "failure")
     export_outputs(builder, taxels, "contact_latest")

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from pydrake.geometry import Box, Cylinder, Meshcat, Rgba, Sphere
-from pydrake.math import RigidTransform
+from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.framework import (
     Context,
     Diagram,
@@ -18,6 +18,9 @@ from crossmodal.diagrams.drawing import palette
 from crossmodal.diagrams.drawing.legend import Entry, show_legend
 from crossmodal.diagrams.drawing.meshcat import (
     ROOT,
+    TRUTH,
+    Layers,
+    Viewpoint,
     clear_view,
     estimator_layers,
     frame_along,
@@ -25,6 +28,7 @@ from crossmodal.diagrams.drawing.meshcat import (
 )
 from crossmodal.diagrams.flap.estimator_names import COLORS, LABELS
 from crossmodal.diagrams.flap.scenario import Scenario
+from crossmodal.diagrams.flap.truth import UNKNOWN_FLAP, FlapTruth
 from crossmodal.diagrams.run.episode import connect_latest
 from crossmodal.diagrams.run.recorder import declare_input, read_inputs
 from crossmodal.maths.arrays import Array
@@ -40,8 +44,8 @@ from crossmodal.systems.tactile.taxel_layout import TaxelLayout
 
 _PERIOD = 0.1  # Between drawings, [s].
 _STRONGEST = 0.3  # Force of a red taxel, [N].
-# Where the page is first seen from, p_WV, and its target, [m].
-_VIEWPOINT, _LOOKING_AT = np.array([1.25, 0.55, 0.75]), np.array([0.5, 0.0, 0.45])
+# From where the page is first seen.
+VIEWPOINT = Viewpoint(p_WV=np.array([1.25, 0.55, 0.75]), p_WT=np.array([0.5, 0.0, 0.45]))
 _AXIS_LENGTH = 0.3  # [m]
 _L1, _L2, _PLANE = "#228833", "#EE7733", "#66CCEE"
 _LINE, _TIP = "#EEEEEE", "#CCBB44"
@@ -54,6 +58,7 @@ _LEGEND: list[Entry] = [
     ("bar", _L2, "L2: contact to hinge"),
     ("bar", _LINE, "line that the tip is to follow"),
     ("dot", _TIP, "where the arm believes the tip has been"),
+    ("bar", palette.TRUTH, "the true hinge axis, if it is shown; ball: the true contact"),
 ]
 
 
@@ -63,7 +68,7 @@ def add_view(
     meshcat: Meshcat,
     station: Diagram,
     estimators: Mapping[str, System],
-) -> dict[str, str]:
+) -> Layers:
     """Adds a view of what is sensed and of what the estimators believe."""
     view = builder.AddNamedSystem(
         "meshcat_view",
@@ -74,10 +79,10 @@ def add_view(
             (scenario.control.line.start, scenario.control.line.end),
         ),
     )
-    for port in ("taxel_measured", "tip_estimated"):
+    for port in ("taxel_measured", "tip_estimated", "cheat_flap"):
         builder.Connect(station.GetOutputPort(port), view.GetInputPort(port))
     connect_latest(builder, estimators, view)
-    return estimator_layers(estimators, LABELS)
+    return Layers(estimators=estimator_layers(estimators, LABELS), truth=TRUTH)
 
 
 class MeshcatView(LeafSystem):
@@ -91,6 +96,7 @@ class MeshcatView(LeafSystem):
     Input ports:
     - `taxel_measured`: forces (taxels,), [N].
     - `tip_estimated`: p_WT of the tool's tip (3,), [m]; NaN before the arm has the tool as a link.
+    - `cheat_flap`: `FlapTruth`, of which hinge axis and contact are drawn for whom wants them.
     - `<estimator>_tool_latest`: `ToolBelief`.
     - `<estimator>_flap_plane_latest`: `FlapPlane`.
     - `<estimator>_fingertip_contact_latest`: `FingertipContact`; its pose places the taxels.
@@ -111,10 +117,11 @@ class MeshcatView(LeafSystem):
     ) -> None:
         super().__init__()
         self._meshcat, self._layout = meshcat, layout
-        clear_view(meshcat, _VIEWPOINT, _LOOKING_AT)
+        clear_view(meshcat, VIEWPOINT)
         self._beads: list[Array] = []  # Where the path's first ones lie.
         self._tip = self.DeclareVectorInputPort("tip_estimated", 3)
         self._taxels = self.DeclareVectorInputPort("taxel_measured", len(self._layout.p_ST))
+        self._truth = declare_input(self, "cheat_flap", UNKNOWN_FLAP)
         models = {
             "tool": UNKNOWN_TOOL,
             "flap_plane": unseen(""),
@@ -130,6 +137,7 @@ class MeshcatView(LeafSystem):
         for index in range(len(self._layout.p_ST)):
             meshcat.SetObject(f"{ROOT}/taxels/{index}", Sphere(0.0018), Rgba(0.3, 0.3, 0.3, 1.0))
         self._make_line(*line)
+        self._make_truth()
         for name in estimators:
             self._make_layer(name, visible=name == list(estimators)[-1])
         shown = estimators[-1] if estimators else ""
@@ -156,6 +164,19 @@ class MeshcatView(LeafSystem):
             self._meshcat.SetObject(path, Sphere(0.0025), Rgba(*palette.rgb(_TIP)))
             self._meshcat.SetProperty(path, "visible", False, 0.0)
 
+    def _make_truth(self) -> None:
+        color = Rgba(*palette.rgb(palette.TRUTH))
+        self._meshcat.SetObject(f"{TRUTH}/axis/bar", Cylinder(0.002, 1.2 * _AXIS_LENGTH), color)
+        self._meshcat.SetObject(f"{TRUTH}/contact/ball", Sphere(0.004), color)
+
+    def _draw_truth(self, time: float, truth: FlapTruth) -> None:
+        for part, known in (("axis", truth.p_WK), ("contact", truth.p_WC)):
+            path, is_known = f"{TRUTH}/{part}", bool(np.isfinite(known).all())
+            self._meshcat.SetProperty(path, "visible", is_known, time)
+            if is_known:
+                R = frame_along(truth.k_W) if part == "axis" else RotationMatrix()
+                self._meshcat.SetTransform(path, RigidTransform(R, known), time)
+
     def _draw_tip(self, time: float, p_WT: Array) -> None:
         """Puts the next bead of the tip's path where the tip is, if it has come far enough."""
         count = len(self._beads)
@@ -171,6 +192,8 @@ class MeshcatView(LeafSystem):
         p_WT = np.asarray(self._tip.Eval(context))
         held_still = not np.isfinite(p_WT).all()
         self._draw_tip(time, p_WT)
+        if self._truth.HasValue(context):
+            self._draw_truth(time, self._truth.Eval(context))
         for name, ports in self._ports.items():
             values = read_inputs(ports, context)
             fingertip = values.get("fingertip_contact", UNKNOWN_FINGERTIP)

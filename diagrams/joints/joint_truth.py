@@ -67,6 +67,7 @@ _NAN = float("nan")
 UNKNOWN_MECHANICS = JointMechanicsTruth(friction=_NAN, damping=_NAN, lower=_NAN, upper=_NAN)
 MECHANICS_QUANTITY = Quantity(port="cheat_joint_mechanics", model=UNKNOWN_MECHANICS)
 
+_MOST_BEFORE = 32  # Ticks before the first grasp that are kept for drawing.
 # What an application's station gives of the truth, and when the hand was closed.
 TRUTH_QUANTITIES = (
     Quantity(port="cheat_joint", model=UNKNOWN_JOINT),
@@ -211,10 +212,13 @@ def add_tick(station: list[Tick], tick: Tick) -> None:
     """Adds a tick to those from which `truth_of_ticks` says what is true at the newest one.
 
     Between two changes of the grasp only the newest tick stays, so that the list does not grow with
-    the episode. Before the first grasp all do: configurations count from then.
+    the episode. Before the first grasp, to which beliefs about what is only seen refer, some do.
     """
-    if any(map(_holds, station)) and _holds(station[-1]) == _holds(station[-2]):
-        station.pop()
+    if any(map(_holds, station)):
+        if _holds(station[-1]) == _holds(station[-2]):
+            station.pop()
+    elif len(station) >= _MOST_BEFORE:
+        del station[1::2]
     station.append(tick)
 
 

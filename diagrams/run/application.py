@@ -10,8 +10,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
 
+from crossmodal.diagrams.drawing.meshcat import Layers, Viewpoint
 from crossmodal.diagrams.run.calibration import Calibration
 from crossmodal.diagrams.run.experiment import CampaignPlot, Column, Experiment, Metric
 from crossmodal.diagrams.run.live.controls import Control
@@ -26,6 +28,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from pydrake.geometry import Meshcat
 
+SCENE_PORT = "cheat_query_object"  # Of a station whose scene Meshcat and videos can show.
+
 
 @dataclass(kw_only=True)
 class Station:
@@ -35,7 +39,8 @@ class Station:
         diagram: Its output ports are what a robot has, measured and commanded; the truth leaves it
             only through ports named `cheat_...`. Estimators are connected by their ports' names.
             An output `task_status` (`TaskStatus`) says what the robot does and ends the episode, an
-            output `cheat_query_object` (`QueryObject`) lets Meshcat draw the scene.
+            output `cheat_query_object` (`QueryObject`) lets Meshcat and videos show the scene,
+            which for the latter is its subsystem `scene_graph`.
         initialise: Sets the initial state in the root context.
         after_step: Called with the root context between two steps of the simulation, which it may
             make cheaper.
@@ -109,9 +114,12 @@ class Application:
             `crossmodal export` writes and `crossmodal stream` shows.
         acting: The estimator that the robot acts by, in a scenario.
         close_loop: Lets the station act by what its estimators say: connects them.
-        view: Adds systems that draw into Meshcat what is believed; returns the paths of what can be
-            shown in place of each other, by name.
-        controls: Sliders of the live page of a scenario, which write to inputs of its station.
+        view: Adds systems that draw into Meshcat what is believed and, hidden, what is true;
+            returns what can be shown and hidden.
+        viewpoint: From where a video shows the scene.
+        film: Outputs of a scenario's station that a video shows, too; by default its `pictures`.
+        controls: Sliders and switches of the live page of a scenario, which write to inputs of its
+            station.
         own_object: The assignments `key.path=value` that put an object of the user's own in place
             of a scenario's. Given: the scenario, its name or file, the object and the user's own
             assignments. None where there is nothing to be replaced.
@@ -149,9 +157,12 @@ class Application:
         lambda builder, scenario, station, estimators: None
     )
     view: (
-        "Callable[[DiagramBuilder, Any, Meshcat, System, Mapping[str, System]], Mapping[str, str]]"
-        " | None"
+        Callable[[DiagramBuilder, Any, "Meshcat", System, Mapping[str, System]], Layers] | None
     ) = None
+    viewpoint: Viewpoint = field(
+        default_factory=lambda: Viewpoint(p_WV=np.array([2.0, 1.5, 1.5]), p_WT=np.zeros(3))
+    )
+    film: Callable[[Any], Sequence[str]] | None = None
     controls: Callable[[Any], Sequence[Control]] = lambda scenario: ()
     own_object: Callable[[Any, str, OwnObject, Sequence[str]], Sequence[str]] | None = None
     keep_files: Callable[[Any], tuple[Any, Mapping[str, Path]]] = lambda scenario: (scenario, {})

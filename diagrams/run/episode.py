@@ -11,13 +11,16 @@ from pydrake.geometry import Meshcat, MeshcatVisualizer, MeshcatVisualizerParams
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, PortDataType, System
 
-from crossmodal.diagrams.run.application import Application, Station
+from crossmodal.diagrams.drawing.legend import EventBoard
+from crossmodal.diagrams.drawing.meshcat import Layers
+from crossmodal.diagrams.run.application import SCENE_PORT, Application, Station
 from crossmodal.diagrams.run.calibration import Calibration
 from crossmodal.diagrams.run.folder.fingerprint import contents
-from crossmodal.diagrams.run.live.controls import connect_controls
+from crossmodal.diagrams.run.live.controls import Control, ControlKind, connect_controls
+from crossmodal.diagrams.run.live.events import EventText
 from crossmodal.diagrams.run.live.session import LiveSession
 from crossmodal.diagrams.run.process import peak_memory
-from crossmodal.diagrams.run.record import EpisodeRecord, Quantity, TaskStatus
+from crossmodal.diagrams.run.record import EpisodeRecord, Event, Quantity, TaskStatus
 from crossmodal.diagrams.run.recorder import (
     STATUS_PORT,
     EpisodeRecorder,
@@ -27,14 +30,13 @@ from crossmodal.diagrams.run.scenario import Scenario
 from crossmodal.diagrams.run.sensor_streams.log import SensorLogWriter, SensorRecorder, make_streams
 from crossmodal.diagrams.run.sensor_streams.stream_faults import add_stream_faults, model_of
 from crossmodal.diagrams.run.ticks import advance_by_ticks
+from crossmodal.diagrams.run.video import VideoWriter, add_video
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line, suggestion
 from crossmodal.maths.compiled import compilation_timed
 from crossmodal.systems.compile_ahead import compile_ahead
 
 if TYPE_CHECKING:
     from crossmodal.diagrams.run.stream.sinks import Sink
-
-SCENE_PORT = "cheat_query_object"  # Of a station whose scene Meshcat can draw.
 
 
 class StationWarning(UserWarning):
@@ -111,12 +113,17 @@ class Episode:
         meshcat: Meshcat | None = None,
         sensors_file: Path | None = None,
         is_live: bool = False,
+        begins_paused: bool = False,
+        video_file: Path | None = None,
         sink: "Sink | None" = None,
     ) -> None:
-        self._scenario, self._sink = scenario, sink
+        self._video_file, self._sink = video_file, sink
+        self._video: VideoWriter | None = None
+        self._scenario = scenario
         self._meshcat = meshcat
         self.session: LiveSession | None = None
-        self._is_live = is_live
+        self._events: EventText | None = None
+        self._is_live, self._begins_paused = is_live, begins_paused
         with building(scenario.name):
             self._build(application, scenario, sensors_file)
 
@@ -130,7 +137,9 @@ class Episode:
         builder = DiagramBuilder()
         station = builder.AddNamedSystem("station", self.station.diagram)
         faults = scenario.disturbances.faults
-        heard = add_stream_faults(builder, station, faults, period, scenario.seed)
+        controls = application.controls(scenario) if self._is_live else []
+        silenced = [control.port for control in controls if control.kind is ControlKind.SILENCE]
+        heard = add_stream_faults(builder, station, faults, period, scenario.seed, silenced)
         self._stopwatches = {
             name: _add_estimator(builder, heard, name, estimator, period)
             for name, estimator in self.estimators.items()
@@ -174,23 +183,60 @@ class Episode:
                 builder, self._sink, application, scenario, self.calibration, station,
                 self.estimators, models,
             )  # fmt: skip
-        if self._meshcat is not None and station.HasOutputPort(SCENE_PORT):
-            layers: Mapping[str, str] = {}
-            if application.view is not None:
-                layers = application.view(
-                    builder, scenario, self._meshcat, station, self.estimators
-                )
-            params = MeshcatVisualizerParams(publish_period=1.0 / 16.0)
-            scene = MeshcatVisualizer(self._meshcat, params)
-            builder.AddNamedSystem("meshcat_scene", scene)
-            builder.Connect(station.GetOutputPort(SCENE_PORT), scene.query_object_input_port())
-            if self._is_live:
-                controls = application.controls(scenario)
-                self.session = LiveSession(meshcat=self._meshcat, layers=layers, controls=controls)
-                connect_controls(builder, station, controls, self._meshcat.GetSliderValue, period)
-        else:
+        if self._video_file is not None:
+            film = application.film or application.pictures
+            self._video = add_video(
+                builder,
+                station,
+                film(scenario),
+                application.viewpoint,
+                self._video_file,
+                period,
+            )
+        if not station.HasOutputPort(SCENE_PORT) and application.view is None:
             self._meshcat = None
+        if self._meshcat is not None:
+            self._add_view(builder, application, self._meshcat, station, controls)
         self.diagram = builder.Build()
+
+    def _add_view(
+        self,
+        builder: DiagramBuilder,
+        application: Application,
+        meshcat: Meshcat,
+        station: Diagram,
+        controls: Sequence[Control],
+    ) -> None:
+        scenario, layers = self._scenario, Layers()
+        spans = scenario.disturbances.spans()
+        title = f"{scenario.name}, seed {scenario.seed}"
+        self._events = EventText(EventBoard(meshcat), self.recorder, spans, title)
+        if application.view is not None:
+            layers = application.view(builder, scenario, meshcat, station, self.estimators)
+        if station.HasOutputPort(SCENE_PORT):
+            params = MeshcatVisualizerParams(publish_period=1.0 / 16.0)
+            scene = builder.AddNamedSystem("meshcat_scene", MeshcatVisualizer(meshcat, params))
+            builder.Connect(station.GetOutputPort(SCENE_PORT), scene.query_object_input_port())
+        if self._is_live:
+            self.session = LiveSession(
+                meshcat=meshcat, layers=layers, controls=controls, is_paused=self._begins_paused
+            )
+            read, period = meshcat.GetSliderValue, scenario.network_period
+            connect_controls(builder, station, controls, read, period)
+
+    def Start(self) -> Simulator:
+        """A simulator of the diagram in its initial state."""
+        simulator = Simulator(self.diagram)
+        self.station.initialise(simulator.get_mutable_context())
+        if self.station.after_step is not None:
+            simulator.set_monitor(self.station.after_step)
+        if self._meshcat is not None:
+            self._meshcat.DeleteRecording()
+            self._meshcat.StartRecording(frames_per_second=16.0)
+        if self._events is not None:
+            self._events.begin()
+        simulator.Initialize()
+        return simulator
 
     def Run(self, progress: Callable[[float], None] | None = None) -> EpisodeRecord:
         """Simulates until the robot has stopped or the scenario's time is over.
@@ -198,41 +244,41 @@ class Episode:
         A KeyboardInterrupt ends it early; what was recorded until then is returned.
         """
         scenario = self._scenario
-        simulator = Simulator(self.diagram)
-        root = simulator.get_mutable_context()
-        self.station.initialise(root)
-        if self.station.after_step is not None:
-            simulator.set_monitor(self.station.after_step)
-        if self._meshcat is not None:
-            self._meshcat.DeleteRecording()
-            self._meshcat.StartRecording(frames_per_second=16.0)
-        simulator.Initialize()
+        simulator = self.Start()
+        root = simulator.get_context()
         interrupted = True
         began = time.perf_counter()
         with compilation_timed() as compiling:
             try:
+                if self.session is not None:
+                    self.session.between_ticks()
                 advance_by_ticks(
                     simulator,
                     self.recorder,
                     scenario.network_period,
                     scenario.duration,
                     scenario.stop_time,
-                    self._between_ticks(progress),
+                    self.between_ticks(progress),
                 )
                 interrupted = False
             except KeyboardInterrupt:
                 pass
             finally:
+                if self._video is not None:
+                    self._video.close()
                 if self._sensor_log is not None:
                     self._sensor_log.close(root.get_time(), interrupted=interrupted)
         wall_time = time.perf_counter() - began - compiling.seconds
+        if self._events is not None:
+            how = "ended by hand" if interrupted else "the episode is over"
+            self._events.add(Event(time=root.get_time(), name=how))
         if self.session is not None:
             wall_time -= self.session.waited
             self.session.close()
         for name, (start, stop) in self._stopwatches.items():
             pairs = zip(start.marks, stop.marks, strict=False)
             self.recorder.estimators[name].tick_times = [b - a for a, b in pairs]
-        log = self._sensor_log
+        log, video = self._sensor_log, self._video
         return EpisodeRecord(
             scenario=scenario,
             calibration=self.calibration,
@@ -246,21 +292,27 @@ class Episode:
             interrupted=interrupted,
             wants_next=self.session is not None and self.session.wants_next,
             sensors_file=None if log is None or log.failure else log.path,
-            missing=[log.failure] if log is not None and log.failure else [],
+            video_file=None if video is None or video.failure else video.path,
+            missing=[file.failure for file in (log, video) if file is not None and file.failure],
             meshcat_html=None if self._meshcat is None else recorded_page(self._meshcat),
         )
 
-    def _between_ticks(
-        self, progress: Callable[[float], None] | None
-    ) -> Callable[[float], None] | None:
-        session = self.session
-        if session is None:
-            return progress
+    def between_ticks(
+        self, progress: Callable[[float], None] | None = None
+    ) -> Callable[[float], None]:
+        """What is done with the time [s] after every tick: a person's wishes, and the events."""
+        session, events = self.session, self._events
 
         def between(time: float) -> None:
             if progress is not None:
                 progress(time)
-            session.between_ticks()
+            if session is not None:
+                hand = [Event(time=time, name=f"by hand: {what}") for what in session.changes()]
+                self.recorder.events.extend(hand)
+            if events is not None:
+                events.update(time)
+            if session is not None:
+                session.between_ticks()
 
         return between
 
@@ -404,6 +456,8 @@ def run_episode(
     sensors_file: Path | None = None,
     is_live: bool = False,
     sink: "Sink | None" = None,
+    begins_paused: bool = False,
+    video_file: Path | None = None,
 ) -> EpisodeRecord:
     """Builds and simulates one episode.
 
@@ -414,6 +468,13 @@ def run_episode(
         sensors_file: Where to keep the sensor streams, so that they can be replayed.
         is_live: Whether a person at the page may pause, end and change it.
         sink: Takes images and estimates, for a viewer.
+        begins_paused: Whether it then waits for that person before its first tick.
+        video_file: Where to keep a video of it.
     """
+    if meshcat is not None:
+        EventBoard(meshcat).show([f"{scenario.name}, seed {scenario.seed}: is being built"])
     compile_ahead(application.name)
-    return Episode(application, scenario, meshcat, sensors_file, is_live, sink).Run(progress)
+    episode = Episode(
+        application, scenario, meshcat, sensors_file, is_live, begins_paused, video_file, sink
+    )
+    return episode.Run(progress)

@@ -104,6 +104,7 @@ class EpisodeRecord:
         wants_next: The person at the live page wants the next seed.
         meshcat_html: The recording as a page that opens without a server.
         sensors_file: Where the sensor streams were kept.
+        video_file: Where its video is.
         missing: What was to be kept and could not be written, and why, a line each.
     """
 
@@ -120,6 +121,7 @@ class EpisodeRecord:
     wants_next: bool = False
     meshcat_html: str | None = None
     sensors_file: Path | None = None
+    video_file: Path | None = None
     missing: list[str] = field(default_factory=list)
 
     def station_values(self, port: str) -> list[Any]:

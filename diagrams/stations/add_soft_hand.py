@@ -12,6 +12,8 @@ from crossmodal.plants.hands.pneumatic_hand import PneumaticHand, PneumaticHandC
 from crossmodal.plants.hands.soft_hand import finger_selection
 from crossmodal.systems.sensors.air_pressure import PressureSensor, PressureSensorConfig
 
+LEAK = "leak_by_hand"
+
 
 def add_soft_hand(
     wiring: StationWiring,
@@ -22,6 +24,8 @@ def add_soft_hand(
     leaks: Sequence[Interval] = (),
 ) -> tuple[PneumaticHand, PressureSensor]:
     """Adds pneumatics and pressure sensors; exports `pressure_window`.
+
+    The input `leak_by_hand`, above 0.5 while somebody lets air escape, may stay unconnected.
 
     What the pneumatics are commanded is left to be connected.
 
@@ -47,9 +51,12 @@ def add_soft_hand(
         pneumatics.GetOutputPort("joint_torques"), plant.get_actuation_input_port(model)
     )
     builder.Connect(pneumatics.GetOutputPort("cheat_pressure"), pressure.get_input_port())
+    leaking = pneumatics.GetInputPort("leaking")
     if leaks:
         leak = builder.AddNamedSystem(prefixed(owner, "leak"), Occurrence(leaks))
-        builder.Connect(leak.get_output_port(), pneumatics.GetInputPort("leaking"))
+        builder.Connect(leak.get_output_port(), leaking)
+        leaking = leak.get_input_port()
+    builder.ExportInput(leaking, prefixed(owner, LEAK))
     window = pressure.GetOutputPort("pressure_window")
     builder.ExportOutput(window, prefixed(owner, "pressure_window"))
     return pneumatics, pressure

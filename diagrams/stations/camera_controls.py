@@ -2,7 +2,7 @@
 
 from collections.abc import Collection
 
-from crossmodal.diagrams.run.live.controls import Control
+from crossmodal.diagrams.run.live.controls import Control, ControlKind
 from crossmodal.diagrams.stations.naming import owner_among, prefixed
 
 LIGHT, COVER = "light_by_hand", "cover_by_hand"
@@ -16,7 +16,9 @@ def camera_controls(cameras: Collection[str]) -> list[Control]:
         of = f" of {owner}" if owner else ""
         light, cover = prefixed(owner, LIGHT), prefixed(owner, COVER)
         controls += [
-            Control(name=f"light{of}", port=light, low=0.0, high=1.0, step=0.05, value=1.0),
-            Control(name=f"cover{of}", port=cover, low=0.0, high=1.0, step=1.0, value=0.0),
+            Control(
+                name=f"light{of} [%]", port=light, high=100.0, step=5.0, value=100.0, factor=0.01
+            ),
+            Control(name=f"cover{of}", port=cover, kind=ControlKind.SWITCH),
         ]
     return controls

@@ -26,6 +26,7 @@ FAULTS = {
     "drifting": "`size` is added per second",
     "clock_jump": "the stamps are `size` [s] ahead",
 }
+BY_HAND = "silenced"  # Input by which somebody else lets a stream fail.
 _WITHOUT_SIZE = ("silent", "frozen", "stuck", "nan")
 _HELD = ("silent", "frozen", "stuck")
 _IMAGES = (ImageRgba8U, ImageDepth32F, ImageGrey8U)
@@ -196,6 +197,7 @@ class FailingStream(LeafSystem):
 
     Input ports:
     - `measured`: of the model's type: a `SampleWindow`, an image, stamped or not, or a vector (n,).
+    - `silenced`: (1,) above 0.5 while nothing arrives. May stay unconnected.
 
     Output ports:
     - `delivered`: of the same type. Read it at the ticks; while no fault holds it is the measured
@@ -224,9 +226,11 @@ class FailingStream(LeafSystem):
             self._input = self.DeclareVectorInputPort("measured", len(model))
         else:
             self._input = self.DeclareAbstractInputPort("measured", AbstractValue.Make(model))
+        self._silenced = self.DeclareVectorInputPort(BY_HAND, 1)
         state = self.DeclareAbstractState(Value[object](_Past()))
         tickets = {
             self.input_port_ticket(self._input.get_index()),
+            self.input_port_ticket(self._silenced.get_index()),
             self.abstract_state_ticket(state),
             self.time_ticket(),
         }
@@ -248,7 +252,10 @@ class FailingStream(LeafSystem):
         time, value = context.get_time(), self._measured(context)
         past: _Past = context.get_abstract_state(0).get_value()
         tick = round(time / self._period)
-        for index, fault in enumerate(self._faults):
+        faults = self._faults
+        if self._silenced.HasValue(context) and self._silenced.Eval(context)[0] > 0.5:
+            faults = [*faults, StreamFault(kind="silent")]
+        for index, fault in enumerate(faults):
             if not fault.start - 1e-9 <= time < fault.end - 1e-9:
                 continue
             rng = make_generator(self._seed, f"fault {index} of {fault.stream}", tick)

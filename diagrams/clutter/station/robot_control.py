@@ -39,6 +39,10 @@ from crossmodal.systems.port_values import (
 from crossmodal.systems.pose.evidence import Table
 from crossmodal.systems.pose.target_model import TargetModel
 
+# Inputs of the station by which a person changes what the arms do: see `ArmTask`, `GuardedTouch`.
+CAMERA_PACE, TOUCH_PACE, MOVE_PACE = "camera_pace", "touch_pace", "move_pace"
+APPROACH_SPEED, CONTACT_THRESHOLD = "approach_speed", "contact_threshold"
+
 
 @dataclass(frozen=True, kw_only=True)
 class RobotControl:
@@ -69,7 +73,8 @@ def add_control(
 ) -> RobotControl:
     """Adds planners and controllers; exports what is planned, the grid and `touch_end`.
 
-    The station's input `object_pose` is what is believed of the object.
+    The station's input `object_pose` is what is believed of the object; further ones, which may
+    stay unconnected, are a person's.
 
     Args:
         model: Of the object.
@@ -153,6 +158,15 @@ def add_control(
     for source, system, port in connections:
         builder.Connect(source, system.GetInputPort(port))
     export_input(builder, "object_pose", touches, views)
+    movers = [] if declutter is None else [declutter.move]
+    for name, system, port in (
+        (CAMERA_PACE, look, "pace"),
+        (TOUCH_PACE, touch, "pace"),
+        *((MOVE_PACE, move, "pace") for move in movers),
+        (APPROACH_SPEED, touch, "approach_speed"),
+        (CONTACT_THRESHOLD, touch, "contact_threshold"),
+    ):
+        builder.ExportInput(system.GetInputPort(port), name)
     builder.ExportOutput(view, "view_latest")
     builder.ExportOutput(views.GetOutputPort("grid_latest"), "grid_latest")
     builder.ExportOutput(touches.GetOutputPort("touch_latest"), "touch_latest")

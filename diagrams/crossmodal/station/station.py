@@ -98,7 +98,7 @@ def make_manipulation_station(
     `path_planned`, `cheat_joint`, `cheat_joint_mechanics`, `cheat_configuration`,
     `cheat_body_pose`, `cheat_hand_pose`, `cheat_handle_pose`, `cheat_query_object`.
     Input ports, which may stay unconnected: `PERCEIVED_INPUTS`, `pull_speed`, and those of
-    `add_cameras`.
+    `add_cameras` and `add_soft_hand`.
 
     Args:
         scenario: With its seed, which the noise of all sensors, the true camera and arm, and how

@@ -60,7 +60,7 @@ def make_flap_station(scenario: Scenario, calibration: Calibration) -> FlapStati
     `tip_estimated`, `task_status`, `cheat_flap`, `cheat_edge_pose` (of the tool's frame `edge`),
     `cheat_end_effector_pose` (of the holder), `cheat_fingertip_pose`, `cheat_query_object`.
     Input ports, which may stay unconnected: `flap_angle_latest`, `hinge_latest`,
-    `flap_plane_latest`, `tool_latest`.
+    `flap_plane_latest`, `tool_latest`, `force_desired`, `feed_speed`, and those of `add_cameras`.
 
     Args:
         scenario: With its seed, by which the tool and how it is held, the noise of all sensors,

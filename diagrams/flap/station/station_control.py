@@ -17,12 +17,15 @@ from crossmodal.diagrams.stations.task_status import add_task_status
 from crossmodal.systems.sensors.joint_encoders import JointEncoders
 from crossmodal.systems.shared_settings import with_shared
 
+SET_FORCE, FEED_SPEED = "force_desired", "feed_speed"  # Inputs of the station, (1,) [N], [m/s].
+
 
 def add_flip_control(wiring: StationWiring, encoders: JointEncoders, taxels: OutputPort) -> Diagram:
     """Adds what moves the fingertip.
 
     Inputs `flap_angle_latest`, `hinge_latest` and `flap_plane_latest` of the station say what is
-    perceived; they may stay unconnected.
+    perceived, `force_desired` and
+    `feed_speed` what a person wants; they may stay unconnected.
 
     Args:
         encoders: Of the finger's arm.
@@ -45,6 +48,8 @@ def add_flip_control(wiring: StationWiring, encoders: JointEncoders, taxels: Out
     export_input(builder, "flap_angle_latest", control)
     export_input(builder, "hinge_latest", control)
     export_input(builder, "flap_plane_latest", control)
+    for name in (SET_FORCE, FEED_SPEED):
+        export_input(builder, name, control)
     return control
 
 

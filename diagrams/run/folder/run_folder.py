@@ -35,13 +35,14 @@ ESTIMATES_FILE = "estimates.parquet"
 SUMMARY_FILE = "summary.json"
 MESHCAT_FILE = "meshcat.html"
 SENSORS_FILE = "sensors.mcap"
+VIDEO_FILE = "episode.mp4"
 PAGE_FILE = "report.html"
 LOG_FILE = "log.txt"
 PLOT_FOLDER = "figures"
 # What a run may write whatever its application is.
 FILES = (
     *(SCENARIO_FILE, ESTIMATES_FILE, SUMMARY_FILE, PERCEIVED_FILE),
-    *(MESHCAT_FILE, SENSORS_FILE, PAGE_FILE, LOG_FILE),
+    *(MESHCAT_FILE, SENSORS_FILE, VIDEO_FILE, PAGE_FILE, LOG_FILE),
 )
 
 
@@ -220,7 +221,9 @@ class RunWriter:
             self._earlier += [f"{PLOT_FOLDER}/{name}" for name in results.plots]
         self._application, self._record, self._results = application, record, results
         self.missing = list(record.missing)
-        self.written = [] if record.sensors_file is None else [record.sensors_file]
+        self.written = [
+            file for file in (record.sensors_file, record.video_file) if file is not None
+        ]
         self._names = [SCENARIO_FILE, *application.keep_files(record.scenario)[1], ESTIMATES_FILE]
         self._perceived = perceived(application, record)
         self._names += [PERCEIVED_FILE] if self._perceived.estimators else []
@@ -229,6 +232,8 @@ class RunWriter:
         self._names += [SENSORS_FILE] if record.sensors_file is not None else []
         self._names += [PAGE_FILE, *([LOG_FILE] if log else [])]
         self._log = log
+        self._names += [VIDEO_FILE] if record.video_file is not None else []
+        self._names += [PAGE_FILE]
         self.summary = summarise(application, record, results)
         self.summary |= {"files": self._names, "checksums": {}}
 
@@ -289,7 +294,12 @@ class RunWriter:
         from crossmodal.diagrams.drawing.page import render
 
         scenario, failure = self._record.scenario, self.summary["failure"]
-        links = {"in 3D": MESHCAT_FILE, "all figures": SUMMARY_FILE, "scenario": SCENARIO_FILE}
+        links = {
+            "in 3D": MESHCAT_FILE,
+            "video": VIDEO_FILE,
+            "all figures": SUMMARY_FILE,
+            "scenario": SCENARIO_FILE,
+        }
         outcome = "done" if self.summary["success"] else "not known whether it was done"
         return render(
             Path(__file__).with_name("run_page.html.jinja"),

@@ -2,9 +2,25 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
 from pydrake.systems.framework import Context, DiagramBuilder, DiscreteValues, LeafSystem, System
+
+from crossmodal.diagrams.run.sensor_streams.stream_faults import faults_of
+from crossmodal.systems.sensors.stream_fault import BY_HAND
+
+
+class ControlKind(StrEnum):
+    """How a value is changed, and what it is written to.
+
+    A slider and a switch, which is off (zero) or on (one), write to an input of the station. A
+    silence is a switch, too: while it is on, nothing arrives from a sensor stream.
+    """
+
+    SLIDER = "slider"
+    SWITCH = "switch"
+    SILENCE = "silence"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -13,7 +29,9 @@ class Control:
 
     Attributes:
         name: On the page, with its unit.
-        port: Input port (1,) of the station; what it has without one is the scenario's.
+        kind: How it is changed, and what it is written to.
+        port: Input port (1,) of the station, which does as the scenario says without one; of a
+            silence the stream, an output port of the station that estimators read.
         low: Least value.
         high: Largest value.
         step: Between two values.
@@ -23,11 +41,24 @@ class Control:
 
     name: str
     port: str
-    low: float
-    high: float
-    step: float
-    value: float
+    kind: ControlKind = ControlKind.SLIDER
+    low: float = 0.0
+    high: float = 1.0
+    step: float = 1.0
+    value: float = 0.0
     factor: float = 1.0
+
+    def written(self, value: float) -> str:
+        """Its name with a value, for people."""
+        if self.kind is not ControlKind.SLIDER:
+            return f"{self.name} {'on' if value else 'off'}"
+        name, _, unit = self.name.partition(" [")
+        return f"{name} {value:.3g} {unit.removesuffix(']')}".rstrip()
+
+
+def silence(name: str, stream: str) -> Control:
+    """A switch that silences a stream, which people call `name`."""
+    return Control(name=f"silent: {name}", port=stream, kind=ControlKind.SILENCE)
 
 
 class ControlValues(LeafSystem):
@@ -79,7 +110,7 @@ def connect_controls(
     read: Callable[[str], float],
     period: float,
 ) -> None:
-    """Adds the sliders' values and connects them with the station.
+    """Adds the sliders' values and connects them with the station and its failing streams.
 
     Raises:
         ValueError: where the station has no such port.
@@ -88,6 +119,10 @@ def connect_controls(
         return
     values = builder.AddNamedSystem("controls", ControlValues(controls, read, period))
     for control in controls:
-        if not station.HasInputPort(control.port):
+        if control.kind is ControlKind.SILENCE:
+            target = builder.GetSubsystemByName(faults_of(control.port)).GetInputPort(BY_HAND)
+        elif station.HasInputPort(control.port):
+            target = station.GetInputPort(control.port)
+        else:
             raise ValueError(f"a control writes to '{control.port}', which the station has not")
-        builder.Connect(values.GetOutputPort(control.port), station.GetInputPort(control.port))
+        builder.Connect(values.GetOutputPort(control.port), target)

@@ -1,14 +1,16 @@
 """Buttons of the live page: pause, single tick, end, next seed, what is shown."""
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from pydrake.geometry import Meshcat
 
+from crossmodal.diagrams.drawing.meshcat import Layers
 from crossmodal.diagrams.run.live.controls import Control
 
 PAUSE, TICK, END, NEXT = "Pause / go on", "Single tick", "End the episode", "Restart, next seed"
+TRUTH = "Truth: show / hide"
 _POLLING = 0.05  # Between two looks at the buttons while it is paused, [s].
 
 
@@ -18,8 +20,9 @@ class LiveSession:
 
     Attributes:
         meshcat: The page.
-        layers: Path of what can be shown, by the name on its button; one of them at a time.
-        shown: The layer that is visible.
+        layers: What can be shown and hidden.
+        shown: The estimator whose beliefs are visible.
+        shows_truth: Whether the truth is visible.
         controls: Sliders.
         wants_next: Whether the next seed is asked for.
         is_paused: Whether it waits.
@@ -27,21 +30,25 @@ class LiveSession:
     """
 
     meshcat: Meshcat
-    layers: Mapping[str, str] = field(default_factory=dict)
+    layers: Layers = field(default_factory=Layers)
     shown: str = ""
+    shows_truth: bool = False
     controls: Sequence[Control] = ()
     wants_next: bool = False
     is_paused: bool = False
     waited: float = 0.0
     _ticks: int = 0
     _seen: dict[str, int] = field(default_factory=dict)
+    _values: dict[str, float] = field(default_factory=dict)  # Of the sliders, at the last tick.
+    _noted: dict[str, float] = field(default_factory=dict)  # Those that are known.
 
     def __post_init__(self) -> None:
         self.meshcat.DeleteAddedControls()
         for name, key in ((PAUSE, "Space"), (TICK, "KeyT"), (END, ""), (NEXT, "KeyN")):
             self._add_button(name, key)
-        for name in self.layers:
-            self._add_button(f"Show {name}", "")
+        for name in self._switches():
+            self._add_button(name, "")
+        self._noted = {control.name: control.value for control in self.controls}
         for control in self.controls:
             self.meshcat.AddSlider(
                 control.name, control.low, control.high, control.step, control.value
@@ -51,8 +58,15 @@ class LiveSession:
         self.meshcat.AddButton(name, key)
         self._seen[name] = self.meshcat.GetButtonClicks(name)
 
+    def _switches(self) -> list[str]:
+        """Buttons that say what is shown; there is no choice among one estimator."""
+        estimators = self.layers.estimators if len(self.layers.estimators) > 1 else ()
+        return [*(f"Show {name}" for name in estimators), *([TRUTH] if self.layers.truth else [])]
+
     def _clicks(self, name: str) -> int:
         """How often a button was pressed since it was asked last."""
+        if name not in self._seen:
+            return 0
         count = self.meshcat.GetButtonClicks(name)
         new, self._seen[name] = count - self._seen[name], count
         return new
@@ -83,18 +97,33 @@ class LiveSession:
             self.waited += _POLLING
 
     def _show(self) -> None:
-        for name in self.layers:
+        for name in self.layers.estimators:
             if self._clicks(f"Show {name}") and name != self.shown:
                 self.shown = name
-                for other, path in self.layers.items():
+                for other, path in self.layers.estimators.items():
                     self.meshcat.SetProperty(path, "visible", other == name)
+        if self._clicks(TRUTH) % 2:
+            self.shows_truth = not self.shows_truth
+            self.meshcat.SetProperty(self.layers.truth, "visible", self.shows_truth)
+
+    def changes(self) -> list[str]:
+        """What was changed by sliders that have come to rest since it was asked last."""
+        found = []
+        for control in self.controls:
+            value = self.meshcat.GetSliderValue(control.name)
+            rests = value == self._values.get(control.name)
+            if rests and value != self._noted[control.name]:
+                self._noted[control.name] = value
+                found.append(control.written(value))
+            self._values[control.name] = value
+        return found
 
     def close(self) -> None:
         """Takes buttons and sliders off the page that would act on nothing any more.
 
         What is shown can still be chosen by Meshcat's own controls, and the next seed be asked for.
         """
-        for name in (PAUSE, TICK, END, *(f"Show {name}" for name in self.layers)):
+        for name in (PAUSE, TICK, END, *self._switches()):
             self.meshcat.DeleteButton(name)
         for control in self.controls:
             self.meshcat.DeleteSlider(control.name)

@@ -1,6 +1,6 @@
 """Puts the faults of a scenario between what gives the sensor streams and who hears them."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,12 +16,18 @@ def model_of(port: InputPort | OutputPort) -> Any:
     return np.zeros(port.size()) if is_vector else port.Allocate().get_value()
 
 
+def faults_of(stream: str) -> str:
+    """The name of the system through which a failing stream goes."""
+    return f"{stream}_faults"
+
+
 def add_stream_faults(
     builder: DiagramBuilder,
     source: System,
     faults: Sequence[StreamFault],
     period: float,
     seed: int,
+    by_hand: Iterable[str] = (),
 ) -> Callable[[str], OutputPort]:
     """Adds a `FailingStream` for each stream that has faults.
 
@@ -30,6 +36,7 @@ def add_stream_faults(
         faults: Of the scenario.
         period: Of the ticks, [s].
         seed: Of the episode.
+        by_hand: Further streams that can be silenced, by an input of their systems.
 
     Returns:
         From a port's name to the port that an estimator hears.
@@ -40,7 +47,7 @@ def add_stream_faults(
     ports = [source.get_output_port(index) for index in range(source.num_output_ports())]
     streams = {port.get_name(): port for port in ports if not port.get_name().startswith("cheat_")}
     heard = dict(streams)
-    for name in dict.fromkeys(fault.stream for fault in faults):
+    for name in dict.fromkeys([*(fault.stream for fault in faults), *by_hand]):
         if name not in streams:
             raise ValueError(
                 f"disturbances.faults: no stream '{name}'; {suggestion(name, streams)}"
@@ -48,8 +55,8 @@ def add_stream_faults(
         port = streams[name]
         own = [fault for fault in faults if fault.stream == name]
         failing = builder.AddNamedSystem(
-            f"{name}_faults", FailingStream(model_of(port), own, period, seed)
+            faults_of(name), FailingStream(model_of(port), own, period, seed)
         )
-        builder.Connect(port, failing.get_input_port())
+        builder.Connect(port, failing.GetInputPort("measured"))
         heard[name] = failing.get_output_port()
     return lambda name: heard[name] if name in heard else source.GetOutputPort(name)

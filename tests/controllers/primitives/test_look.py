@@ -127,6 +127,17 @@ def test_a_view_counts_once_the_camera_rests_there(planner: MotionPlanner) -> No
     assert (trial.number("unreachable"), trial.number("is_away")) == (0, 0)
 
 
+def test_at_half_the_pace_a_motion_takes_twice_as_long(planner: MotionPlanner) -> None:
+    ends = []
+    for pace in (1.0, 0.5):
+        trial = Trial(planner)
+        trial.fix("pace", [pace])
+        trial.ask(FIRST)
+        trial.until(LookPhase.MOVE)
+        ends.append(trial.system._state(trial.context).motion.times)
+    assert_allclose(np.diff(ends[1]), 2.0 * np.diff(ends[0]))
+
+
 def test_a_camera_that_gives_no_image_is_waited_for_and_then_given_up(
     planner: MotionPlanner,
 ) -> None:

@@ -91,10 +91,10 @@ def test_a_push_by_the_jacobian_removes_an_error_of_the_force(n_W, feature, twis
     """A force on the finger that is too strong along an axis moves it back along that axis."""
     n = np.array(n_W)
     d = n @ surface_point(n) - 1e-3
-    error = feature_errors(on_plane(np.eye(4), n, d), CONFIG)[feature]
+    error = feature_errors(on_plane(np.eye(4), n, d), CONFIG, CONFIG.force)[feature]
     V = np.zeros(6)
     V[twist] = J[twist, feature] * error
-    after = feature_errors(on_plane(moved(V), n, d), CONFIG)[feature]
+    after = feature_errors(on_plane(moved(V), n, d), CONFIG, CONFIG.force)[feature]
     assert abs(error) > 0.1
     assert (after - error) / STEP == pytest.approx(-STIFFNESS * n[twist - 3] ** 2 * error, rel=0.01)
 
@@ -137,6 +137,21 @@ def test_the_projector_keeps_one_component_of_the_contacts_twist(component: int)
     alone = twist_of_contact(np.eye(6)[component])
     assert_allclose(alone, np.eye(6)[component] * twist_of_contact(np.ones(6)), atol=1e-15)
     assert abs(alone[component]) > 0.0
+
+
+def test_the_force_that_the_contact_should_have_can_be_set_from_outside() -> None:
+    system = TactileServoing(CONFIG, AXES)
+    context = system.CreateDefaultContext()
+    contact = AbstractValue.Make(touching(force=CONFIG.force))
+    system.GetInputPort("contact_latest").FixValue(context, contact)
+    system.GetInputPort("tactile_projector").FixValue(context, np.ones(6))
+
+    def along_the_normal() -> float:
+        return float(system.GetOutputPort("tactile_twist_desired").Eval(context)[4])
+
+    assert along_the_normal() == pytest.approx(0.0, abs=1e-12)
+    system.GetInputPort("force_desired").FixValue(context, [CONFIG.force + 0.2])
+    assert along_the_normal() > 1e-4  # It presses on.
 
 
 def test_no_contact_gives_no_motion_and_no_memory() -> None:

@@ -41,6 +41,8 @@ def fake_episode(monkeypatch: pytest.MonkeyPatch) -> types.SimpleNamespace:
         sensors_file: Path | None = None,
         is_live: bool = False,
         sink: Any = None,
+        begins_paused: bool = False,
+        video_file: Path | None = None,
     ) -> EpisodeRecord:
         import warnings
 

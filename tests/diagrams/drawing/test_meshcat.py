@@ -5,6 +5,8 @@ import pytest
 
 from crossmodal.diagrams.drawing.meshcat import (
     ROOT,
+    TRUTH,
+    Viewpoint,
     clear_view,
     legend_title,
     rigid_transform,
@@ -36,8 +38,9 @@ def test_a_slightly_skewed_rotation_becomes_a_pose() -> None:
 
 def test_a_view_begins_without_what_an_earlier_one_left() -> None:
     meshcat = Mock()
-    clear_view(meshcat, np.zeros(3), np.ones(3))
-    meshcat.Delete.assert_called_once_with(ROOT)
+    clear_view(meshcat, Viewpoint(p_WV=np.zeros(3), p_WT=np.ones(3)))
+    assert {call.args[0] for call in meshcat.Delete.call_args_list} == {ROOT, TRUTH}
+    meshcat.SetProperty.assert_called_once_with(TRUTH, "visible", False)
     meshcat.SetCameraPose.assert_called_once()
 
 

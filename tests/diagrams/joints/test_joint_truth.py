@@ -140,3 +140,14 @@ def test_what_is_true_now_follows_from_few_ticks() -> None:
             openings = (np.interp(time, t.times, t.opening()) for t in (found, expected))
             assert_allclose(*openings)
     assert len(kept) <= 10
+
+
+def test_what_is_kept_before_the_first_grasp_is_bounded_too() -> None:
+    kept: list[Tick] = []
+    for k in range(1000):
+        values = {"interaction_active": np.zeros(1), "cheat_configuration": np.full(1, 0.1 * k)}
+        add_tick(kept, Tick(time=0.1 * k, values=values))
+    assert len(kept) <= 32
+    assert [kept[0].time, kept[-1].time] == [0.0, pytest.approx(99.9)]
+    times = [tick.time for tick in kept]
+    assert times == sorted(times)

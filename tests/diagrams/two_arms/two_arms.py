@@ -14,7 +14,7 @@ from pydrake.systems.primitives import ConstantValueSource, ConstantVectorSource
 from crossmodal.controllers.arm.impedance import DesiredMotion, ImpedanceConfig, ImpedanceGains
 from crossmodal.controllers.arm.kinematics import ArmModel
 from crossmodal.diagrams.evaluation.estimates import Row, error_metrics, evaluate_rows, vector
-from crossmodal.diagrams.run.application import Application, Quantity, Station
+from crossmodal.diagrams.run.application import SCENE_PORT, Application, Quantity, Station
 from crossmodal.diagrams.run.calibration import (
     ArmCalibration,
     Calibration,
@@ -23,7 +23,6 @@ from crossmodal.diagrams.run.calibration import (
     draw_base,
     pose_covariance,
 )
-from crossmodal.diagrams.run.episode import SCENE_PORT
 from crossmodal.diagrams.run.record import Tick
 from crossmodal.diagrams.run.scenario import Scenario
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError

@@ -46,12 +46,23 @@ def run(faults: Sequence[StreamFault], values: Sequence[Any], seed: int = 0) -> 
         context.SetTime(tick * PERIOD)
         is_vector = isinstance(value, np.ndarray)
         fixed = value if is_vector else AbstractValue.Make(value)
-        system.get_input_port().FixValue(context, fixed)
+        system.GetInputPort("measured").FixValue(context, fixed)
         found = system.get_output_port().Eval(context)
         is_image = isinstance(found, ImageRgba8U | ImageDepth32F | ImageGrey8U)
         delivered.append(found.data[0, :, 0].copy() if is_image else found)
         system.ExecuteForcedEvents(context)
     return delivered
+
+
+def test_a_stream_is_silent_while_somebody_silences_it() -> None:
+    system = FailingStream(EMPTY, [], PERIOD, 0)
+    context = system.CreateDefaultContext()
+    system.GetInputPort("measured").FixValue(context, AbstractValue.Make(window(1)))
+    samples = []
+    for silenced in (0.0, 1.0, 0.0):
+        system.GetInputPort("silenced").FixValue(context, [silenced])
+        samples.append(len(system.get_output_port().Eval(context).times))
+    assert samples == [2, 0, 2]
 
 
 def windows(fault: StreamFault, count: int = 6) -> list[SampleWindow]:

@@ -143,6 +143,18 @@ def test_leaks_and_forces_of_a_scenario_reach_hand_and_plant_while_they_last() -
         assert leaking[0] == counts
 
 
+@pytest.mark.parametrize("leaks", ["[]", "[{start: 5}]"])
+def test_somebody_lets_air_escape(leaks: str) -> None:
+    station, _ = make_station("drawer", f"disturbances.hand_leaks={leaks}")
+    root = station.diagram.CreateDefaultContext()
+    context = station.diagram.GetMyContextFromRoot(root)
+    pneumatics = station.diagram.GetSubsystemByName("pneumatics")
+    port = pneumatics.GetInputPort("leaking")
+    for value in (1.0, 0.0):
+        station.diagram.GetInputPort("leak_by_hand").FixValue(context, [value])
+        assert port.Eval(pneumatics.GetMyContextFromRoot(root))[0] == value
+
+
 def test_a_detent_holds_the_joint_at_its_start_beyond_friction() -> None:
     station, _ = make_station(
         "drawer", "seed=0", "objects.drawer.detent=25", "objects.drawer.variation.friction=0"

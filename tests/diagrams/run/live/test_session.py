@@ -10,10 +10,26 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import PassThrough
 
-from crossmodal.diagrams.run.live.controls import Control, ControlValues, connect_controls
-from crossmodal.diagrams.run.live.session import END, NEXT, PAUSE, TICK, LiveSession, stay
+from crossmodal.diagrams.drawing.meshcat import Layers
+from crossmodal.diagrams.run.live.controls import (
+    Control,
+    ControlKind,
+    ControlValues,
+    connect_controls,
+)
+from crossmodal.diagrams.run.live.session import (
+    END,
+    NEXT,
+    PAUSE,
+    TICK,
+    TRUTH,
+    LiveSession,
+    stay,
+)
 
-SPEED = Control(name="speed", port="speed", low=0.0, high=4.0, step=0.5, value=2.0, factor=0.01)
+SPEED = Control(
+    name="speed [cm/s]", port="speed", low=0.0, high=4.0, step=0.5, value=2.0, factor=0.01
+)
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +39,8 @@ def meshcat() -> Meshcat:
 
 @pytest.fixture
 def session(meshcat: Meshcat) -> Iterator[LiveSession]:
-    layers = {"vision": "/perception/vision", "touch": "/perception/touch"}
+    estimators = {"vision": "/perception/vision", "touch": "/perception/touch"}
+    layers = Layers(estimators=estimators, truth="/truth")
     session = LiveSession(meshcat=meshcat, layers=layers, shown="vision", controls=[SPEED])
     yield session
     meshcat.DeleteAddedControls()
@@ -103,6 +120,33 @@ def test_one_estimator_is_shown_at_a_time(session: LiveSession) -> None:
         assert packed.endswith(value)
 
 
+def test_the_truth_is_shown_on_demand(session: LiveSession) -> None:
+    for is_shown, value in ((True, b"\xc3"), (False, b"\xc2")):
+        press(session.meshcat, TRUTH)
+        session.between_ticks()
+        assert session.shows_truth == is_shown
+        assert session.meshcat._GetPackedProperty("/truth", "visible").endswith(value)
+
+
+def test_one_estimator_alone_needs_no_button(meshcat: Meshcat) -> None:
+    LiveSession(meshcat=meshcat, layers=Layers(estimators={"vision": "/perception/vision"}))
+    assert set(meshcat.GetButtonNames()) == {PAUSE, TICK, END, NEXT}
+
+
+def test_a_change_by_hand_is_noted_once_when_the_slider_has_come_to_rest(
+    session: LiveSession,
+) -> None:
+    assert session.changes() == []
+    slide(session.meshcat, SPEED.name, 3.0)
+    assert session.changes() == []
+    slide(session.meshcat, SPEED.name, 3.5)
+    assert session.changes() == []
+    assert session.changes() == ["speed 3.5 cm/s"]
+    assert session.changes() == []
+    cover = Control(name="cover", port="cover", kind=ControlKind.SWITCH)
+    assert [cover.written(value) for value in (0.0, 1.0)] == ["cover off", "cover on"]
+
+
 def test_a_slider_is_an_input_of_the_station(session: LiveSession) -> None:
     station = DiagramBuilder()
     through = station.AddSystem(PassThrough(1))
@@ -119,7 +163,7 @@ def test_a_slider_is_an_input_of_the_station(session: LiveSession) -> None:
 
     simulator.AdvanceTo(0.15)
     assert_allclose(seen(), 0.02)
-    slide(session.meshcat, "speed", 3.5)
+    slide(session.meshcat, SPEED.name, 3.5)
     simulator.AdvanceTo(0.35)
     assert_allclose(seen(), 0.035)
     with pytest.raises(ValueError, match="'speed', which the station has not"):

@@ -1,5 +1,7 @@
 """`crossmodal list`."""
 
+from pathlib import Path
+
 import typer
 
 from crossmodal.diagrams.commands.endings import one_line_errors
@@ -10,7 +12,7 @@ EXAMPLES = "Example:  crossmodal list, then  crossmodal run cupboard-door"
 def list_command() -> None:
     """Show the scenarios, experiments, flows and networks that there are."""
     with one_line_errors():
-        from crossmodal.diagrams.applications import applications, load_scenario, scenarios_of
+        from crossmodal.diagrams.applications import applications, scenarios_of
         from crossmodal.diagrams.crossmodal.studies.ablations import ABLATIONS
 
         known = applications()
@@ -21,7 +23,7 @@ def list_command() -> None:
                 typer.echo(f"{application.name}: {application.description}")
             typer.echo("Scenarios (crossmodal run NAME):")
             for name, path in scenarios_of(application).items():
-                _line(name, load_scenario(str(path))[1].description, width)
+                _line(name, _description(path), width)
             if application.experiments:
                 typer.echo("Experiments (crossmodal evaluate NAME):")
             for name, experiment in application.experiments.items():
@@ -33,6 +35,17 @@ def list_command() -> None:
         _line("hand-bending", "the soft hand's bending from wrench and air pressure", width)
         _line("segmentation", "which object each pixel of an image of the table shows", width)
         _line("grasp", "where and how well objects can be grasped from above", width)
+
+
+def _description(path: Path) -> str:
+    """Of a scenario; of one that cannot be read, why."""
+    from crossmodal.diagrams.applications import load_scenario
+    from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
+
+    try:
+        return str(load_scenario(str(path))[1].description)
+    except ScenarioError as error:
+        return f"cannot be used: {error}"
 
 
 def _line(name: str, text: str, width: int) -> None:

@@ -6,16 +6,14 @@ entry points of the group `crossmodal.applications`, and those that the environm
 these modules holds an `APPLICATION`.
 """
 
-import importlib
-import importlib.util
 import os
-import sys
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from functools import cache
 from importlib.metadata import entry_points
 from pathlib import Path
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from crossmodal.diagrams.run.application import Application
@@ -25,7 +23,10 @@ from crossmodal.diagrams.run.folder.run_folder import (
     SUMMARY_FILE,
     read_summary,
 )
+from crossmodal.diagrams.run.own_module import load_module
+from crossmodal.diagrams.run.recorded_scenario import check_replaced
 from crossmodal.diagrams.run.scenario import parse_scenario, read_document
+from crossmodal.diagrams.run.variants import with_files_found
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line, suggestion
 
 if TYPE_CHECKING:
@@ -53,35 +54,13 @@ def applications() -> dict[str, Application]:
 def _load(sources: tuple[str, ...]) -> dict[str, Application]:
     found: dict[str, Application] = {}
     for source in sources:
-        application = getattr(_module(source), "APPLICATION", None)
+        application = getattr(load_module(source, f"application '{source}'"), "APPLICATION", None)
         if not isinstance(application, Application):
             raise ScenarioError(f"application '{source}': holds no Application called APPLICATION")
         if application.name in found:
             raise ScenarioError(f"there are two applications '{application.name}'")
         found[application.name] = application
     return found
-
-
-def _module(source: str) -> ModuleType:
-    try:
-        if not source.endswith(".py"):
-            return importlib.import_module(source)
-        path = Path(source).resolve()
-        if path.exists() and not path.is_file():  # Nobody may ever write to a pipe.
-            raise ImportError(f"{path} is no file")
-        name = str(path)  # Another file, or a module of Python's, may have the same stem.
-        spec = importlib.util.spec_from_file_location(name, path)
-        if spec is None or spec.loader is None:
-            raise ImportError(f"{path} is no Python file")
-        module = importlib.util.module_from_spec(spec)
-        sys.modules[name] = module  # Dataclasses look their module up by name.
-        spec.loader.exec_module(module)
-    except PermissionError:  # No fault of the file: where compiled code is kept.
-        raise
-    except Exception as error:  # Whatever a user's own file raises.
-        what = f"{type(error).__name__}: {one_line(error)}"
-        raise ScenarioError(f"application '{source}' cannot be had: {what}") from error
-    return module
 
 
 def find_application(name: str, source: str) -> Application:
@@ -97,9 +76,7 @@ def find_application(name: str, source: str) -> Application:
             f" write `system: {next(iter(known))}`"
         )
     if name not in known:
-        raise ScenarioError(
-            f"{source}: system = '{name}': {suggestion(name, known)}; others are named in {OWN}"
-        )
+        raise ScenarioError(f"{source}: system = '{name}': {own_suggestion(name, known)}")
     return known[name]
 
 
@@ -125,7 +102,17 @@ def find_scenario(name_or_path: str) -> Path:
     path = Path(name_or_path)
     if path.suffix in (".yaml", ".yml") or os.path.isfile(path):  # Of any text, however long.
         return path
-    raise ScenarioError(f"unknown scenario '{name_or_path}'; {suggestion(name_or_path, known)}")
+    raise ScenarioError(f"unknown scenario '{name_or_path}'; {own_suggestion(name_or_path, known)}")
+
+
+def own_suggestion(word: str, known: Iterable[str]) -> str:
+    """As `suggestion`; where nothing is near, also where applications of one's own are named."""
+    hint = suggestion(word, known)
+    if hint.startswith("did you mean"):
+        return hint
+    own = os.environ.get(OWN, "")
+    says = f"is {own}" if own else "is not set"
+    return f"{hint}; applications of your own are named in {OWN}, which {says}"
 
 
 def load_scenario(
@@ -142,15 +129,57 @@ def load_scenario(
         The application, and the scenario as an instance of the application's dataclass.
     """
     path = find_scenario(name_or_path)
+    with _named(overrides):
+        return _load_scenario(path, overrides, units_known=units_known)
+
+
+def _load_scenario(
+    path: Path, overrides: Sequence[str], *, units_known: bool
+) -> tuple[Application, Any]:
     document = read_document(path, overrides, scenario_files())
     system = document.get("system", "")
     if not isinstance(system, str):
         raise ScenarioError(f"{path}: system must be text, the name of an application")
     application = find_application(system, str(path))
     schema = application.scenario
-    scenario = application.resolve(parse_scenario(schema, document, path), path)
+    parsed = parse_scenario(schema, document, path)
+    parsed = replace(parsed, variants=with_files_found(parsed.variants, path))
+    scenario = application.resolve(parsed, path)
     if units_known:
         parse_scenario(schema, document, path, scenario.units)
+    return application, scenario
+
+
+@contextmanager
+def _named(overrides: Sequence[str]) -> Iterator[None]:
+    """Adds to a message about a scenario's key the assignment that has set it."""
+    try:
+        yield
+    except ScenarioError as error:
+        text = str(error)
+        keys = re.findall(r"[A-Za-z_]\w*(?:\.\w+)*", text)
+        for assignment in reversed(overrides):
+            key = assignment.partition("=")[0].strip()
+            at = any(f"{found}.".startswith(f"{key}.") for found in keys)
+            if at and not text.startswith(f"--set {assignment}"):
+                raise ScenarioError(f"{text} (set by {assignment})") from error
+        raise
+
+
+def load_recorded(folder: Path, overrides: Sequence[str] = ()) -> tuple[Application, Any]:
+    """Reads and checks the scenario of a recorded run, to be replayed.
+
+    Args:
+        overrides: As of `load_scenario`, of what perceives.
+
+    Raises:
+        ScenarioError: if there is no recording, or a change would need another simulation.
+    """
+    from crossmodal.diagrams.run.replay import check_recorded
+
+    path = check_recorded(folder)
+    application, scenario = load_scenario(str(path), overrides)
+    check_replaced(application, overrides)
     return application, scenario
 
 

@@ -70,16 +70,36 @@ def test_poses_of_a_door_are_found_to_be_a_hinge(name: str) -> None:
         assert names["belief"].skipped == {}
 
 
-def test_a_scenario_of_ones_own_has_what_it_declares() -> None:
-    (code,) = blocks(ROOT / "docs/extending.md", "python")
+def test_an_application_of_ones_own_is_the_pendulum_of_the_tests() -> None:
+    page, pendulum = ROOT / "docs/own-application.md", ROOT / "tests/diagrams/pendulum"
+    assert blocks(page, "python")[0] == (pendulum / "pendulum.py").read_text()
+    assert blocks(page, "yaml") == [(pendulum / "swing.yaml").read_text()]
+
+
+def test_a_filter_of_ones_own_is_the_notebooks_file_and_fits_into_the_network() -> None:
+    code, in_python = blocks(ROOT / "docs/own-filter.md", "python")
+    assert code == (ROOT / "notebooks/my_filters.py").read_text()
     names: dict[str, Any] = {}
-    exec(code, names)
-    assert names["Swing"]().noise == 0.02
+    exec(f"{code}\n{in_python}", names)
+    assert isinstance(names["network"].GetSubsystemByName("hand_bending"), names["SpringBending"])
+
+
+def test_the_filters_that_the_page_lists_are_those_that_there_are() -> None:
+    listed = set(quoted(ROOT / "docs/own-filter.md"))
+    for name in ("crossmodal", "flap", "clutter"):
+        source = (ROOT / f"diagrams/{name}/estimators.py").read_text()
+        there = re.findall(r'filters\.(?:add|make)\(\s*(?:builder, )?"(\w+)"', source)
+        assert there
+        assert set(there) <= listed
 
 
 @every_page
-def test_commands_are_possible(page: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_commands_are_possible(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("CROSSMODAL_APPLICATIONS", str(ROOT / "tests/diagrams/pendulum/pendulum.py"))
+    if page.name == "own-filter.md":  # It tells to save its files.
+        (tmp_path / "my_filters.py").write_text(blocks(page, "python")[0])
+        (tmp_path / "mine.yaml").write_text(blocks(page, "yaml")[0])
+        monkeypatch.chdir(tmp_path)
     for words in commands(page, "crossmodal"):
         if words[0] == "--version" or words[-1] == "--help":
             continue

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from pydrake.systems.framework import System
@@ -18,6 +19,7 @@ from crossmodal.diagrams.run.calibration import (
 from crossmodal.diagrams.run.scenario import CameraConfig
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 from crossmodal.diagrams.stations.believed_robots import believed_robots
+from crossmodal.diagrams.stations.filters import Filters, MakeFilter
 from crossmodal.systems.pose.evidence import Table
 from crossmodal.systems.pose.pose_belief import SolverConfig
 from crossmodal.systems.pose.pose_estimators import (
@@ -86,6 +88,22 @@ def make_estimators(scenario: Scenario, calibration: Calibration) -> Mapping[str
     if scenario.station == "robots":
         moved = scenario.perception.moved / target_mass(scenario)
     return {
-        name: PoseEstimator(model, inferences[name], table, scenario.network_period, moved)
+        name: _make_estimator(
+            name,
+            scenario.replacements(name),
+            model,
+            inferences[scenario.original(name)],
+            table,
+            scenario.network_period,
+            moved,
+        )
         for name in scenario.modalities
     }
+
+
+def _make_estimator(name: str, replacements: Mapping[str, MakeFilter], *arguments: Any) -> System:
+    """A pose estimator, or what takes its place as `pose_estimator`."""
+    filters = Filters(replacements)
+    estimator = filters.make("pose_estimator", PoseEstimator, *arguments)
+    filters.check(name)
+    return estimator

@@ -9,6 +9,7 @@ from crossmodal.diagrams.clutter.robot_config import ControlConfig, PerceptionCo
 from crossmodal.diagrams.run import scenario as base
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 from crossmodal.diagrams.stations import pushed
+from crossmodal.diagrams.stations.scenario_checks import check_estimators
 from crossmodal.maths.validation import number, numbers
 from crossmodal.models import SDF_DIR
 from crossmodal.plants.goods.dense_clutter import ClutterConfig, names_in_clutter
@@ -164,9 +165,6 @@ def resolve(scenario: Scenario, path: Path) -> Scenario:
         raise ScenarioError(
             f"{path}: station = '{scenario.station}', but it must be one of {', '.join(STATIONS)}"
         )
-    for name in scenario.modalities:
-        if name not in ESTIMATORS:
-            raise ScenarioError(f"{path}: modalities: '{name}' is none of {', '.join(ESTIMATORS)}")
     if not scenario.target.object and not scenario.target.objects and not scenario.target.mesh:
         raise ScenarioError(f"{path}: target.objects is empty, and target.object, too")
     for key, ends in (
@@ -175,7 +173,8 @@ def resolve(scenario: Scenario, path: Path) -> Scenario:
     ):
         if ends[0] > ends[1]:
             raise ScenarioError(f"{path}: guess.{key} must be least, then largest")
-    scenario.modalities = scenario.modalities or list(ESTIMATORS)
+    chosen = scenario.modalities or ESTIMATORS
+    scenario.modalities = check_estimators(scenario, chosen, ESTIMATORS, str(path))
     scenario.touches.after_views = scenario.views.count
     if scenario.target.mesh:
         mesh = Path(scenario.target.mesh)

@@ -50,15 +50,15 @@ def evaluate_command(
 ) -> None:
     """Repeat an experiment over seeds and write tables and plots beside the paper's figures."""
     with one_line_errors():
-        from crossmodal.diagrams.applications import experiments, load_scenario
+        from crossmodal.diagrams.applications import experiments, load_scenario, own_suggestion
         from crossmodal.diagrams.evaluation import campaign_report as reports
         from crossmodal.diagrams.evaluation.campaign import Workers, check_folder, connect, prepare
         from crossmodal.diagrams.evaluation.seeds import parse_seeds
-        from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, suggestion
+        from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 
         known = experiments()
         if experiment not in (ALL, *known):
-            hint = suggestion(experiment, [*known, ALL])
+            hint = own_suggestion(experiment, [*known, ALL])
             raise ScenarioError(f"unknown experiment '{experiment}'; {hint}")
         numbers = parse_seeds(seeds)
         assignments = list(overrides or [])

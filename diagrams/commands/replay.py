@@ -64,13 +64,12 @@ def replay_command(
         _refuse_of_recordings(run, robot, calibration, topics)
         from tqdm import tqdm
 
-        from crossmodal.diagrams.applications import load_scenario
+        from crossmodal.diagrams.applications import load_recorded
         from crossmodal.diagrams.run.folder.run_folder import opened
-        from crossmodal.diagrams.run.replay import check_recorded, replay
+        from crossmodal.diagrams.run.replay import replay
         from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 
-        changes = overrides or []
-        application, chosen = load_scenario(str(check_recorded(run, changes)), changes)
+        application, chosen = load_recorded(run, overrides or [])
         if out is not None and out.resolve() == run.resolve():
             raise ScenarioError(f"--out {out}: holds the recorded run itself; choose another")
         numbered = out is None and not force

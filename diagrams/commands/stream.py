@@ -27,12 +27,11 @@ def stream_command(
     with one_line_errors():
         from tqdm import tqdm
 
-        from crossmodal.diagrams.applications import load_scenario
-        from crossmodal.diagrams.run.replay import check_recorded, replay
+        from crossmodal.diagrams.applications import load_recorded
+        from crossmodal.diagrams.run.replay import replay
         from crossmodal.diagrams.run.stream.sinks import McapFile, opened_sink
 
-        changes = overrides or []
-        application, scenario = load_scenario(str(check_recorded(run, changes)), changes)
+        application, scenario = load_recorded(run, overrides or [])
         with (
             opened_sink(to, force=force) as sink,
             tqdm(desc=f"{scenario.name}, seed {scenario.seed}", unit="tick", disable=None) as bar,

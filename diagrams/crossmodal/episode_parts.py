@@ -117,10 +117,16 @@ def make_controls(scenario: Scenario) -> list[Control]:
 
 
 def make_estimators(scenario: Scenario, calibration: Calibration) -> dict[str, Diagram]:
-    """One network of filters for each of the scenario's modalities."""
+    """One network of filters for each of the scenario's modalities and variants."""
     return {
-        modality: make_network(modality, scenario.perception, calibration, scenario.network_period)
-        for modality in scenario.modalities
+        name: make_network(
+            scenario.original(name),
+            scenario.perception,
+            calibration,
+            scenario.network_period,
+            replacements=scenario.replacements(name),
+        )
+        for name in scenario.modalities
     }
 
 

@@ -1,7 +1,8 @@
 """The network of coupled filters: one factory, three wirings of the same systems."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from types import MappingProxyType
 
 import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
@@ -18,6 +19,7 @@ from crossmodal.diagrams.stations.connections import (
     export_input,
     export_outputs,
 )
+from crossmodal.diagrams.stations.filters import Filters, MakeFilter
 from crossmodal.systems.kinematics.joint_filters_config import JointFiltersConfig, TypePriorsConfig
 from crossmodal.systems.kinematics.kinematic_model import KinematicModel, KinematicModelConfig
 from crossmodal.systems.kinematics.measurement_errors import MeasurementErrorsConfig
@@ -172,7 +174,12 @@ class PerceptionConfig:
 
 
 def make_network(
-    modality: str, config: PerceptionConfig, calibration: Calibration, period: float
+    modality: str,
+    config: PerceptionConfig,
+    calibration: Calibration,
+    period: float,
+    *,
+    replacements: Mapping[str, MakeFilter] = MappingProxyType({}),
 ) -> Diagram:
     """The filters of one modality, wired.
 
@@ -185,37 +192,46 @@ def make_network(
         modality: One of `MODALITIES`.
         calibration: What the robot believes of its sensors.
         period: Of the ticks, [s].
+        replacements: By a filter's name in the network, the class or function that makes another
+            one in its place, called with the same arguments, such as
+            `{"hand_bending": MyBending}`.
 
     Raises:
-        ValueError: for an impossible config value.
+        ValueError: for an impossible config value, and for a replacement that does not fit.
     """
     check_cut(config.cut)
     config = with_shared(
         config, period=period, noise=calibration.noise, hand=config.hand, windows=config.windows
     )
     builder = DiagramBuilder()
+    filters = Filters(replacements)
     kinematics = config.joints
     if modality == "vision":
-        model = builder.AddNamedSystem("kinematic_model", KinematicModel(kinematics, inputs=1))
-        bodies = _add_vision(builder, config, calibration, with_held_body=False)
+        model = filters.add(builder, "kinematic_model", KinematicModel, kinematics, inputs=1)
+        bodies = _add_vision(builder, filters, config, calibration, with_held_body=False)
         connect(builder, [(bodies, _BODIES, model, "body_motions")])
         connect(builder, [(model, "bodies_predicted", bodies, "joint_predictions")])
     elif modality == "proprioception":
-        model = builder.AddNamedSystem("kinematic_model", KinematicModel(kinematics, inputs=1))
-        body, grasp = _add_proprioception(builder, config, calibration, corrected_by_vision=False)
+        model = filters.add(builder, "kinematic_model", KinematicModel, kinematics, inputs=1)
+        body, grasp = _add_proprioception(
+            builder, filters, config, calibration, corrected_by_vision=False
+        )
         connect_alike(builder, body, _BODIES, grasp)
         connect(builder, [(body, _BODIES, model, "body_motions")])
     else:
-        model = builder.AddNamedSystem("kinematic_model", KinematicModel(kinematics, inputs=2))
-        _add_vision(builder, config, calibration, with_held_body=True)
-        body, _ = _add_proprioception(builder, config, calibration, corrected_by_vision=True)
+        model = filters.add(builder, "kinematic_model", KinematicModel, kinematics, inputs=2)
+        _add_vision(builder, filters, config, calibration, with_held_body=True)
+        body, _ = _add_proprioception(
+            builder, filters, config, calibration, corrected_by_vision=True
+        )
         for name, wire in CROSSMODAL_CONNECTIONS.items():
             if name not in config.cut:
                 connect(builder, _between(builder, wire))
         # What touch and vision know together of the held body counts, not what vision knows.
         connect(builder, [(body, _BODIES, model, "body_motions_1")])
     if modality != "vision":
-        _add_joint_mechanics(builder, config, model)
+        _add_joint_mechanics(builder, filters, config, model)
+    filters.check(modality)
     export_outputs(builder, model, "joints_latest", "body_motions_latest")
     builder.ExportOutput(model.GetOutputPort("health_latest"), f"{BODY_MOTIONS}_health_latest")
     diagram = builder.Build()
@@ -225,6 +241,7 @@ def make_network(
 
 def _add_vision(
     builder: DiagramBuilder,
+    filters: Filters,
     config: PerceptionConfig,
     calibration: Calibration,
     with_held_body: bool,
@@ -232,15 +249,20 @@ def _add_vision(
     """Features, the camera's own motion and that of rigid bodies; returns the last."""
     camera = calibration.camera
     intrinsics, X_WC = camera.intrinsics, camera.X_PC.GetAsMatrix4()
-    features = builder.AddNamedSystem("feature_motion", FeatureMotion(config.features, intrinsics))
-    bodies = builder.AddNamedSystem(
+    features = filters.add(builder, "feature_motion", FeatureMotion, config.features, intrinsics)
+    bodies = filters.add(
+        builder,
         "rigid_body_motion",
-        RigidBodyMotion(config.bodies, intrinsics, X_WC, with_held_body),
+        RigidBodyMotion,
+        config.bodies,
+        intrinsics,
+        X_WC,
+        with_held_body,
     )
     readers = {stream: [features] for stream in SEEN_STREAMS}
     monitor = add_image_monitor(builder, config.images, calibration, readers, masked=features)
-    place = builder.AddNamedSystem(
-        "camera_motion", CameraMotion(config.camera, config.bodies.dynamics, X_WC)
+    place = filters.add(
+        builder, "camera_motion", CameraMotion, config.camera, config.bodies.dynamics, X_WC
     )
     connect_alike(builder, features, _FEATURES, place)
     connect_alike(builder, place, _FEATURES, bodies)
@@ -257,21 +279,28 @@ def _add_vision(
 
 def _add_proprioception(
     builder: DiagramBuilder,
+    filters: Filters,
     config: PerceptionConfig,
     calibration: Calibration,
     corrected_by_vision: bool,
 ) -> tuple[System, System]:
     """End-effector, bending, grasp and interacted body; returns the last and the grasp."""
-    end_effector = builder.AddNamedSystem(
+    end_effector = filters.add(
+        builder,
         "end_effector_motion",
-        EndEffectorMotion(config.end_effector, calibration.arm.model),
+        EndEffectorMotion,
+        config.end_effector,
+        calibration.arm.model,
     )
-    bending = builder.AddNamedSystem("hand_bending", HandBending(config.hand_bending))
-    slip = builder.AddNamedSystem("slip_detection", SlipDetection(config.slip))
-    grasp = builder.AddNamedSystem("grasp_model", GraspModel(config.grasp))
-    body = builder.AddNamedSystem(
+    bending = filters.add(builder, "hand_bending", HandBending, config.hand_bending)
+    slip = filters.add(builder, "slip_detection", SlipDetection, config.slip)
+    grasp = filters.add(builder, "grasp_model", GraspModel, config.grasp)
+    body = filters.add(
+        builder,
         "held_body_motion",
-        HeldBodyMotion(config.held_body, corrected_by_vision=corrected_by_vision),
+        HeldBodyMotion,
+        config.held_body,
+        corrected_by_vision=corrected_by_vision,
     )
     _add_body_monitors(builder, config, calibration, (end_effector, bending, bending))
     export_input(builder, "interaction_active", bending, slip, grasp, body)
@@ -286,10 +315,12 @@ def _add_proprioception(
     return body, grasp
 
 
-def _add_joint_mechanics(builder: DiagramBuilder, config: PerceptionConfig, model: System) -> None:
+def _add_joint_mechanics(
+    builder: DiagramBuilder, filters: Filters, config: PerceptionConfig, model: System
+) -> None:
     """Friction and range of the joint, where a wrist measures forces; no filter reads them."""
-    mechanics = builder.AddNamedSystem(
-        "joint_mechanics", JointMechanicsFilter(config.joint_mechanics)
+    mechanics = filters.add(
+        builder, "joint_mechanics", JointMechanicsFilter, config.joint_mechanics
     )
     for name, port in (
         ("end_effector_motion", "end_effector_estimated"),

@@ -16,7 +16,7 @@ from crossmodal.diagrams.run.scenario import CameraConfig
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, suggestion
 from crossmodal.diagrams.stations import pushed
 from crossmodal.diagrams.stations.scenario_checks import (
-    check_modalities,
+    check_estimators,
     check_one_camera,
     check_scene,
     check_textures,
@@ -171,10 +171,9 @@ def resolve(scenario: Scenario, path: Path) -> Scenario:
         ScenarioError: for values that no episode can have.
     """
     source = str(path)
-    scenario = replace(
-        scenario,
-        modalities=sorted(scenario.modalities, key=lambda name: [*MODALITIES, name].index(name)),
-    )
+    chosen = sorted(scenario.modalities, key=lambda name: [*MODALITIES, name].index(name))
+    modalities = check_estimators(scenario, chosen, MODALITIES, source)
+    scenario = replace(scenario, modalities=modalities)
     _check(scenario, source)
     return replace(
         scenario,
@@ -258,7 +257,6 @@ def _check(scenario: Scenario, source: str) -> None:
         if not np.linalg.norm(thing.pull_direction) > 1e-6:
             raise ScenarioError(f"{key}.pull_direction must not be all zero")
         check_textures(thing.variation.textures, f"{key}.variation.textures")
-    check_modalities(scenario.modalities, MODALITIES, source)
     if task.modality and task.modality not in scenario.modalities:
         raise ScenarioError(
             f"{source}: task.modality = '{task.modality}' is not among the modalities"

@@ -76,6 +76,8 @@ def draw_estimates(
                 truth = rows["truth"] if truth is None else truth.fillna(rows["truth"])
             if not errors and truth is not None and truth.notna().any():
                 axes.plot(truth.index, scale * truth, color=palette.TRUTH, ls="--", label="truth")
+            if errors:
+                axes.axhline(0.0, color=palette.TRUTH, lw=0.8)
             axes.set_ylabel(f"{component} [{unit}]".strip() if unit else component)
         name = quantity.replace("_", " ")
         all_axes[0].set_title(f"{name}: estimate minus truth" if errors else name)

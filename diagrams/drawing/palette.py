@@ -1,6 +1,7 @@
 """The colours that every picture has, and those of estimators that have none of their own.
 
-They are Paul Tol's, which stay distinct for colour-blind readers.
+They are Paul Tol's, which stay distinct for colour-blind readers. None of those of estimators is a
+joint's.
 """
 
 from collections.abc import Mapping
@@ -11,12 +12,12 @@ PLAN = "#2255EE"  # The way before the hand.
 OTHERS = (
     "#4477AA",
     "#EE7733",
-    "#228833",
+    "#009988",
     "#AA3377",
     "#66CCEE",
     "#CCBB44",
-    "#332288",
-    "#CC3311",
+    "#882255",
+    "#999933",
 )
 
 

@@ -81,7 +81,8 @@ def evaluate_rows(
     For each estimator the summary holds, by quantity and component: `final_error`, `rms_error`, and
     `inside_two_sigma`, the share of the ticks whose error lies within two reported deviations; NaN
     where the truth, or what is reported, is unknown. An episode in which an estimator's quantity is
-    never a number has failed.
+    never a number has failed. A picture of each quantity shows estimate minus truth with the
+    reported deviation, or the estimate where no truth is known.
 
     Args:
         rows: From an estimator's name, its tick and the station's at the same instant to rows of
@@ -136,9 +137,11 @@ def _draw(table: pd.DataFrame, quantity: str, unit: str) -> Any:
     from crossmodal.diagrams.drawing.estimate_plots import draw_estimates
     from crossmodal.diagrams.evaluation.metric_table import readable
 
-    components = dict.fromkeys(table.loc[table["quantity"] == quantity, "component"].astype(str))
+    chosen = table[table["quantity"] == quantity]
+    components = list(dict.fromkeys(chosen["component"].astype(str)))
     scale, shown = readable(unit)
-    return draw_estimates(table, quantity, list(components), scale=scale, unit=shown)
+    known = bool(chosen["truth"].notna().any())
+    return draw_estimates(table, quantity, components, scale=scale, unit=shown, errors=known)
 
 
 def _report(summary: Mapping[str, Any]) -> list[str]:

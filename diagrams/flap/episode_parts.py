@@ -94,7 +94,12 @@ def make_estimators(scenario: Scenario, calibration: Calibration) -> dict[str, D
     layout = scenario.finger.layout()
     return {
         name: make_estimator(
-            name, scenario.perception, calibration, layout, scenario.network_period
+            scenario.original(name),
+            scenario.perception,
+            calibration,
+            layout,
+            scenario.network_period,
+            replacements=scenario.replacements(name),
         )
         for name in scenario.modalities
     }

@@ -1,6 +1,8 @@
 """The estimators of the held tool's kinematics: one factory, two ways of finding the hinge."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from types import MappingProxyType
 
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
@@ -10,6 +12,7 @@ from crossmodal.diagrams.run.believed import arm_pose, calibrated_arm, depth_cam
 from crossmodal.diagrams.run.calibration import Calibration
 from crossmodal.diagrams.stations.add_monitors import add_image_monitor, add_window_monitor
 from crossmodal.diagrams.stations.connections import connect_alike, export_outputs
+from crossmodal.diagrams.stations.filters import Filters, MakeFilter
 from crossmodal.systems.depth_camera import DepthCamera
 from crossmodal.systems.flap.flap_angle import FlapAngleConfig, FlapAngleFilter
 from crossmodal.systems.flap.flap_geometry import HingeLimitsConfig
@@ -74,6 +77,8 @@ def make_estimator(
     calibration: Calibration,
     layout: TaxelLayout,
     period: float,
+    *,
+    replacements: Mapping[str, MakeFilter] = MappingProxyType({}),
 ) -> Diagram:
     """The systems of one estimator, wired.
 
@@ -87,32 +92,34 @@ def make_estimator(
             flap's planes as the paper does.
         calibration: What the robots believe of their sensors.
         period: Of the ticks, [s].
+        replacements: By a filter's name, the class or function that makes another one in its
+            place, called with the same arguments.
 
     Raises:
-        ValueError: for an impossible config value.
+        ValueError: for an impossible config value, and for a replacement that does not fit.
     """
     config = with_shared(config, period=period, noise=calibration.noise, windows=config.windows)
     builder = DiagramBuilder()
+    filters = Filters(replacements)
     camera = depth_camera(calibration)
-    tracker = builder.AddNamedSystem("flap_tracker", FlapTracker(config.tracker, camera))
-    registration = _add_registration(builder, config, calibration, camera)
-    fingertip, holder = _add_arms(builder, config, calibration, layout, registration)
+    tracker = filters.add(builder, "flap_tracker", FlapTracker, config.tracker, camera)
+    registration = _add_registration(builder, filters, config, calibration, camera)
+    fingertip, holder = _add_arms(builder, filters, config, calibration, layout, registration)
     add_image_monitor(
         builder, config.images, calibration, {"depth": [tracker, registration]}, masked=tracker
     )
-    tool = builder.AddNamedSystem("tool_kinematics", ToolKinematics(config.tool))
+    tool = filters.add(builder, "tool_kinematics", ToolKinematics, config.tool)
     if name != "filtered":
-        hinge = builder.AddNamedSystem(
-            "hinge",
-            HingeEstimator(config.hinge, config.limits)
-            if name == "geometric"
-            else PlaneIntersection(config.planes, config.limits),
-        )
-        angle = builder.AddNamedSystem("flap_angle", FlapAngleFilter(config.angle, camera))
+        if name == "geometric":
+            hinge = filters.add(builder, "hinge", HingeEstimator, config.hinge, config.limits)
+        else:
+            hinge = filters.add(builder, "hinge", PlaneIntersection, config.planes, config.limits)
+        angle = filters.add(builder, "flap_angle", FlapAngleFilter, config.angle, camera)
         connect_alike(builder, hinge, "hinge_estimated", angle, tool)
     else:
-        joint = FlapJoint(config.joint, camera, config.limits)
-        hinge = angle = builder.AddNamedSystem("flap_joint", joint)
+        hinge = angle = filters.add(
+            builder, "flap_joint", FlapJoint, config.joint, camera, config.limits
+        )
         connect_alike(builder, hinge, "hinge_estimated", tool)
     connect_alike(builder, angle, "flap_angle_estimated", tool)
     planes = (hinge,) if hinge is angle else (hinge, angle)
@@ -129,27 +136,33 @@ def make_estimator(
         (fingertip, "fingertip_contact_latest"),
     ):
         export_outputs(builder, system, port)
+    filters.check(name)
     diagram = builder.Build()
     diagram.set_name(name)
     return diagram
 
 
 def _add_registration(
-    builder: DiagramBuilder, config: PerceptionConfig, calibration: Calibration, camera: DepthCamera
+    builder: DiagramBuilder,
+    filters: Filters,
+    config: PerceptionConfig,
+    calibration: Calibration,
+    camera: DepthCamera,
 ) -> System:
     """What compares camera and arms."""
     arms = {
         owner: calibrated_arm(calibration, name)
         for owner, name in ((HOLDER, HOLDER_ARM), (FINGER, FINGER_ARM))
     }
-    return builder.AddNamedSystem(
-        "arm_registration",
-        ArmRegistration(config.registration, make_robot_view(calibration), camera, arms),
+    view = make_robot_view(calibration)
+    return filters.add(
+        builder, "arm_registration", ArmRegistration, config.registration, view, camera, arms
     )
 
 
 def _add_arms(
     builder: DiagramBuilder,
+    filters: Filters,
     config: PerceptionConfig,
     calibration: Calibration,
     layout: TaxelLayout,
@@ -157,11 +170,11 @@ def _add_arms(
 ) -> tuple[System, System]:
     """The fingertip with its contact, and the end-effector that holds the tool."""
     finger_arm, holder_arm = (arm_pose(calibration, name) for name in (FINGER_ARM, HOLDER_ARM))
-    fingertip = builder.AddNamedSystem(
-        "fingertip_motion", FingertipMotion(config.fingertip, finger_arm, layout)
+    fingertip = filters.add(
+        builder, "fingertip_motion", FingertipMotion, config.fingertip, finger_arm, layout
     )
-    holder = builder.AddNamedSystem(
-        "end_effector_pose", EndEffectorPose(config.end_effector, holder_arm)
+    holder = filters.add(
+        builder, "end_effector_pose", EndEffectorPose, config.end_effector, holder_arm
     )
     readers = (
         (holder.GetInputPort("joint_state_window"), holder_arm),

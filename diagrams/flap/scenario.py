@@ -15,7 +15,7 @@ from crossmodal.diagrams.run.scenario import CameraConfig
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line
 from crossmodal.diagrams.stations import pushed
 from crossmodal.diagrams.stations.scenario_checks import (
-    check_modalities,
+    check_estimators,
     check_one_camera,
     check_scene,
     check_textures,
@@ -187,8 +187,9 @@ def resolve(scenario: Scenario, path: Path) -> Scenario:
     check_one_camera(scenario, str(path), "the flap is tracked")
     check_scene(scenario.plant.scene, str(path))
     check_textures(scenario.tool.variation.textures, f"{path}: tool.variation.textures")
-    modalities = scenario.modalities or list(ESTIMATORS)
-    check_modalities(modalities, ESTIMATORS, str(path))
+    modalities = check_estimators(
+        scenario, scenario.modalities or ESTIMATORS, ESTIMATORS, str(path)
+    )
     try:
         scenario.finger.layout()
     except ValueError as error:

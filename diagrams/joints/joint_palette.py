@@ -1,6 +1,7 @@
 """The colours of joints and bodies.
 
-Joints keep the green and red of the cross-modal paper's pictures and differ in form too.
+Joints keep the green and red of the cross-modal paper's pictures and differ in form too. No network
+has one of these colours.
 """
 
 from crossmodal.systems.port_values import HELD_BODY, STATIC_BODY, JointType
@@ -8,7 +9,7 @@ from crossmodal.systems.port_values import HELD_BODY, STATIC_BODY, JointType
 JOINT = {
     JointType.PRISMATIC: "#228833",
     JointType.REVOLUTE: "#CC3311",
-    JointType.SCREW: "#AA3377",
+    JointType.SCREW: "#332288",
     JointType.RIGID: "#8C8C8C",
     JointType.DISCONNECTED: "#BBBBBB",
 }

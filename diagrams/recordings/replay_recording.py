@@ -34,7 +34,7 @@ from crossmodal.diagrams.recordings.topic_map import TopicMap
 from crossmodal.diagrams.run.application import Application
 from crossmodal.diagrams.run.calibration import Calibration
 from crossmodal.diagrams.run.record import EpisodeRecord
-from crossmodal.diagrams.run.recorded_scenario import REPLACEABLE, is_replaceable
+from crossmodal.diagrams.run.recorded_scenario import check_replaced
 from crossmodal.diagrams.run.replay import replay
 from crossmodal.diagrams.run.scenario import parse_scenario
 from crossmodal.diagrams.run.sensor_streams.codecs import nanoseconds
@@ -198,14 +198,10 @@ def _scenario(
         },
         "perception": {"images": {"apart": max(_APART, 0.6 * slowest)}},
     }
-    for assignment in overrides:
-        if not is_replaceable(assignment.split("=")[0].strip()):
-            raise ScenarioError(
-                f"--set {assignment}: a replay keeps what was measured;"
-                f" only {', '.join(REPLACEABLE)} can be replaced"
-            )
-        apply_override(document, assignment)
     application = find_application(_APPLICATION, str(found.path))
+    check_replaced(application, overrides)
+    for assignment in overrides:
+        apply_override(document, assignment)
     source = Path("the recording's scenario")
     scenario = application.resolve(parse_scenario(application.scenario, document, source), source)
     for modality in scenario.modalities:

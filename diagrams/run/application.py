@@ -120,6 +120,8 @@ class Application:
         film: Outputs of a scenario's station that a video shows, too; by default its `pictures`.
         controls: Sliders and switches of the live page of a scenario, which write to inputs of its
             station.
+        replaceable: Keys of the scenario that only the estimators read, so that a replay may have
+            other values of them; those that every scenario has are known.
         own_object: The assignments `key.path=value` that put an object of the user's own in place
             of a scenario's. Given: the scenario, its name or file, the object and the user's own
             assignments. None where there is nothing to be replaced.
@@ -164,6 +166,7 @@ class Application:
     )
     film: Callable[[Any], Sequence[str]] | None = None
     controls: Callable[[Any], Sequence[Control]] = lambda scenario: ()
+    replaceable: Sequence[str] = ("perception",)
     own_object: Callable[[Any, str, OwnObject, Sequence[str]], Sequence[str]] | None = None
     keep_files: Callable[[Any], tuple[Any, Mapping[str, Path]]] = lambda scenario: (scenario, {})
     task_in_words: Callable[[Any], str] = lambda scenario: ""

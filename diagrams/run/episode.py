@@ -4,6 +4,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -30,6 +31,7 @@ from crossmodal.diagrams.run.scenario import Scenario
 from crossmodal.diagrams.run.sensor_streams.log import SensorLogWriter, SensorRecorder, make_streams
 from crossmodal.diagrams.run.sensor_streams.stream_faults import add_stream_faults, model_of
 from crossmodal.diagrams.run.ticks import advance_by_ticks
+from crossmodal.diagrams.run.variants import check_variants, with_variants
 from crossmodal.diagrams.run.video import VideoWriter, add_video
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line, suggestion
 from crossmodal.maths.compiled import compilation_timed
@@ -70,13 +72,52 @@ def build_estimators(
     with building(scenario.name):
         calibration = calibration or application.make_calibration(scenario)
         estimators = application.make_estimators(scenario, calibration)
-    for name in scenario.modalities:
+    originals = [name for name in estimators if name not in scenario.variants]
+    check_variants(scenario.variants, originals, scenario.name)
+    names = with_variants(scenario.modalities or list(estimators), scenario.variants)
+    for name in names:
+        if name in scenario.variants and name not in estimators:
+            raise ScenarioError(
+                f"{scenario.name}: variants.{name}: the application '{application.name}' has no"
+                " filters that can be replaced: its make_estimators makes no such estimator"
+            )
         if name not in estimators:
             raise ScenarioError(
                 f"{scenario.name}: modalities: unknown modality '{name}';"
                 f" {suggestion(name, estimators)}"
             )
-    return {name: estimators[name] for name in scenario.modalities or estimators}
+    return {name: estimators[name] for name in names}
+
+
+def recorded_quantities(
+    application: Application, scenario: Scenario, estimators: Mapping[str, System]
+) -> list[Quantity]:
+    """The quantities that are recorded, each with the estimators of which it is.
+
+    One that some estimators have is also recorded of those under other names that have its port.
+
+    Raises:
+        ScenarioError: where an estimator lacks a port, with those that it has.
+    """
+    quantities = application.quantities(scenario)
+    known = {name for quantity in quantities for name in quantity.estimators}
+    found = []
+    for quantity in quantities:
+        having = []
+        for name, estimator in estimators.items():
+            must = not quantity.estimators or name in quantity.estimators
+            if must or (name not in known and estimator.HasOutputPort(quantity.port)):
+                having.append(name)
+            if must and not estimator.HasOutputPort(quantity.port):
+                there = [port.get_name() for port in output_ports(estimator)]
+                raise ScenarioError(
+                    f"estimator '{name}': has no output '{quantity.port}', which `quantities` of"
+                    f" the application '{application.name}' names;"
+                    f" {suggestion(quantity.port, there)}"
+                )
+        if having:
+            found.append(replace(quantity, estimators=having))
+    return found
 
 
 def build_station(
@@ -141,13 +182,14 @@ class Episode:
         silenced = [control.port for control in controls if control.kind is ControlKind.SILENCE]
         heard = add_stream_faults(builder, station, faults, period, scenario.seed, silenced)
         self._stopwatches = {
-            name: _add_estimator(builder, heard, name, estimator, period)
+            name: _add_estimator(builder, station, heard, name, estimator, period)
             for name, estimator in self.estimators.items()
         }
         application.close_loop(builder, scenario, station, self.estimators)
-        quantities = application.quantities(scenario)
+        quantities = recorded_quantities(application, scenario, self.estimators)
         station_quantities = application.station_quantities(scenario)
         pictures = application.pictures(scenario)
+        _check_station(application, station, station_quantities, pictures)
         self.recorder = builder.AddNamedSystem(
             "recorder",
             EpisodeRecorder(
@@ -155,12 +197,6 @@ class Episode:
             ),
         )
         connect_recorder(builder, station, self.estimators, self.recorder)
-        for quantity in station_quantities:
-            station.GetOutputPort(quantity.port)  # Raises an error for one that is mistyped.
-        for name, estimator in self.estimators.items():
-            for quantity in quantities:
-                if not quantity.estimators or name in quantity.estimators:
-                    estimator.GetOutputPort(quantity.port)
         self._sensor_log: SensorLogWriter | None = None
         if sensors_file is not None:
             self._sensor_log = _add_sensor_recorder(
@@ -317,19 +353,61 @@ class Episode:
         return between
 
 
+def output_ports(system: System) -> list[OutputPort]:
+    """All of a system's."""
+    return [system.get_output_port(index) for index in range(system.num_output_ports())]
+
+
+def _check_station(
+    application: Application,
+    station: System,
+    quantities: Sequence[Quantity],
+    pictures: Sequence[str],
+) -> None:
+    """Refuses a port that is to be recorded and that the station does not have."""
+    asked = [(quantity.port, "station_quantities") for quantity in quantities]
+    for name, field in [*asked, *((port, "pictures") for port in pictures)]:
+        if not station.HasOutputPort(name):
+            there = [port.get_name() for port in output_ports(station)]
+            raise ScenarioError(
+                f"the station has no output '{name}', which `{field}` of the application"
+                f" '{application.name}' names; {suggestion(name, there)}"
+            )
+
+
+def check_inputs(name: str, estimator: System, source: System, what: str) -> None:
+    """Refuses an estimator that reads the truth, or what nobody gives.
+
+    Args:
+        what: The source in words.
+
+    Raises:
+        ScenarioError: naming estimator, port, and the ports that there are.
+    """
+    there = [port.get_name() for port in output_ports(source)]
+    there = [port for port in there if not port.startswith("cheat_")]
+    for index in range(estimator.num_input_ports()):
+        port = estimator.get_input_port(index).get_name()
+        if port.startswith("cheat_"):
+            raise ScenarioError(f"estimator '{name}' reads '{port}': the truth is not for it")
+        if port not in there:
+            raise ScenarioError(
+                f"estimator '{name}' reads '{port}', which {what} does not have;"
+                f" {suggestion(port, there)}"
+            )
+
+
 def _add_estimator(
     builder: DiagramBuilder,
+    station: System,
     heard: Callable[[str], OutputPort],
     name: str,
     estimator: System,
     period: float,
 ) -> tuple[TickStopwatch, TickStopwatch]:
     """Adds an estimator between two stopwatches, for Drake updates in the order of adding."""
+    check_inputs(name, estimator, station, "the station")
     inputs = [estimator.get_input_port(index) for index in range(estimator.num_input_ports())]
-    for port in inputs:
-        if port.get_name().startswith("cheat_"):
-            port_name = port.get_name()
-            raise ValueError(f"estimator '{name}' reads '{port_name}': the truth is not for it")
     images = [port for port in inputs if port.get_data_type() == PortDataType.kAbstractValued]
     start, stop = TickStopwatch(period, [port.Allocate() for port in images]), TickStopwatch(period)
     builder.AddNamedSystem(f"{name}_start", start)

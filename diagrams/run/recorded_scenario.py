@@ -1,6 +1,6 @@
 """What of a scenario a recording depends on, and whether a replay still agrees with it."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from crossmodal.diagrams.run.application import Application
@@ -9,15 +9,36 @@ from crossmodal.diagrams.run.scenario import Scenario
 from crossmodal.diagrams.run.yaml_input.loader import parse_yaml
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 
-# What of a scenario may be replaced when it is replayed: what perceives, and what happens to the
-# streams on their way there, not what was measured.
-REPLACEABLE = ("perception", "modalities", "calibration", "disturbances.faults")
+# What a replay may replace of every scenario: what perceives, and what happens to the streams on
+# their way there, not what was measured.
+_REPLACEABLE = ("modalities", "variants", "calibration", "disturbances.faults")
 _SAYS_NOTHING = ("name", "description", "versions")
 
 
-def is_replaceable(key: str) -> bool:
+def replaceable(application: Application) -> list[str]:
+    """The keys of an application's scenarios of which a replay may have other values."""
+    return [*application.replaceable, *_REPLACEABLE]
+
+
+def is_replaceable(application: Application, key: str) -> bool:
     """Whether a replay may have another value of a scenario's key, such as `perception.cut`."""
-    return f"{key}.".startswith(tuple(f"{name}{end}" for name in REPLACEABLE for end in ".["))
+    ways = tuple(f"{name}{end}" for name in replaceable(application) for end in ".[")
+    return f"{key}.".startswith(ways)
+
+
+def check_replaced(application: Application, assignments: Sequence[str]) -> None:
+    """Refuses the first assignment `key.path=value` that needs another simulation.
+
+    Raises:
+        ScenarioError: naming it, and what can be replaced.
+    """
+    for assignment in assignments:
+        if not is_replaceable(application, assignment.split("=")[0].strip()):
+            raise ScenarioError(
+                f"--set {assignment}: a replay keeps what was measured; only"
+                f" {', '.join(replaceable(application))} can be replaced (`replaceable` of the"
+                " application says what only its estimators read)"
+            )
 
 
 def check_unchanged(
@@ -42,10 +63,11 @@ def check_unchanged(
     for key in _SAYS_NOTHING:
         then.pop(key, None)
     for key, was, is_ in _differences(then, now):
-        if not is_replaceable(key):
+        if not is_replaceable(application, key):
             raise ScenarioError(
                 f"{source}: {key} = {is_!r}, but it was recorded with {was!r};"
-                f" a replay keeps what was measured, only {', '.join(REPLACEABLE)} can be replaced"
+                " a replay keeps what was measured, only"
+                f" {', '.join(replaceable(application))} can be replaced"
             )
 
 

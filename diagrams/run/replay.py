@@ -4,7 +4,7 @@ No plant is built: what the robot knows of itself is in the scenario's calibrati
 where that is known, in the recording.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING
@@ -19,11 +19,13 @@ from crossmodal.diagrams.run.episode import (
     build_estimators,
     building,
     connect_recorder,
+    output_ports,
+    recorded_quantities,
     stream_models,
 )
 from crossmodal.diagrams.run.folder.run_folder import SCENARIO_FILE, SENSORS_FILE
 from crossmodal.diagrams.run.record import EpisodeRecord
-from crossmodal.diagrams.run.recorded_scenario import REPLACEABLE, check_unchanged, is_replaceable
+from crossmodal.diagrams.run.recorded_scenario import check_unchanged
 from crossmodal.diagrams.run.recorder import EpisodeRecorder
 from crossmodal.diagrams.run.scenario import Scenario
 from crossmodal.diagrams.run.sensor_streams.log import (
@@ -35,7 +37,7 @@ from crossmodal.diagrams.run.sensor_streams.log import (
 )
 from crossmodal.diagrams.run.sensor_streams.stream_faults import add_stream_faults
 from crossmodal.diagrams.run.ticks import advance_by_ticks
-from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, suggestion
 from crossmodal.systems.compile_ahead import compile_ahead
 from crossmodal.systems.port_values import StampedImage
 
@@ -43,11 +45,11 @@ if TYPE_CHECKING:
     from crossmodal.diagrams.run.stream.sinks import Sink
 
 
-def check_recorded(folder: Path, overrides: Sequence[str] = ()) -> Path:
+def check_recorded(folder: Path) -> Path:
     """The scenario's file of a recorded run.
 
     Raises:
-        ScenarioError: if there is no recording, or the change would need another simulation.
+        ScenarioError: if there is no recording.
     """
     for needed, remedy in (
         (SCENARIO_FILE, "name the folder of a run"),
@@ -55,12 +57,6 @@ def check_recorded(folder: Path, overrides: Sequence[str] = ()) -> Path:
     ):
         if not (folder / needed).is_file():
             raise ScenarioError(f"{folder}: holds no {needed}; {remedy}")
-    for assignment in overrides:
-        if not is_replaceable(assignment.split("=")[0].strip()):
-            raise ScenarioError(
-                f"--set {assignment}: a replay keeps what was measured;"
-                f" only {', '.join(REPLACEABLE)} can be replaced"
-            )
     return folder / SCENARIO_FILE
 
 
@@ -107,7 +103,7 @@ def replay(
     recorder = EpisodeRecorder(
         period,
         list(estimators),
-        application.quantities(scenario),
+        recorded_quantities(application, scenario, estimators),
         station_quantities,
         pictures,
     )
@@ -121,9 +117,12 @@ def replay(
         for index in range(estimator.num_input_ports()):
             port = estimator.get_input_port(index)
             if not source.HasOutputPort(port.get_name()):
+                there = [stream.get_name() for stream in output_ports(source)]
+                there = [stream for stream in there if not stream.startswith("cheat_")]
                 raise ScenarioError(
-                    f"{source_file}: holds no stream '{port.get_name()}',"
-                    f" which '{name}' needs; record it again"
+                    f"{source_file}: holds no stream '{port.get_name()}', which the"
+                    f" estimator '{name}' reads: record it again, if it is no mistake;"
+                    f" {suggestion(port.get_name(), there)}"
                 )
             builder.Connect(heard(port.get_name()), port)
     builder.AddNamedSystem("recorder", recorder)

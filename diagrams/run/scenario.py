@@ -15,6 +15,7 @@ import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 
 from crossmodal.diagrams.run.calibration import CalibrationConfig, Camera
+from crossmodal.diagrams.run.variants import Variant
 from crossmodal.diagrams.run.yaml_input.loader import apply_override, merged, read_yaml
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, load_typed, suggestion
 from crossmodal.maths import se3
@@ -153,6 +154,8 @@ class Scenario:
     stop_time: float = number(1.0, at_least=0.0, at_most=3600.0, unit="s")
     network_period: float = tick_period()  # Tick of the filters and the sensors' windows.
     modalities: list[str] = field(default_factory=list)  # The estimators that run; none: all.
+    # Estimators with filters of one's own, which run beside these.
+    variants: dict[str, Variant] = field(default_factory=dict)
     cameras: dict[str, CameraConfig] = field(default_factory=dict)
     calibration: CalibrationConfig = field(default_factory=CalibrationConfig)
     disturbances: Disturbances = field(default_factory=Disturbances)
@@ -161,6 +164,19 @@ class Scenario:
     def units(self) -> Mapping[str, str]:
         """Of values, by path, whose fields leave the unit open (`m or rad`) to the scenario."""
         return {}
+
+    def original(self, name: str) -> str:
+        """The estimator that comes with the application, of one by its name or a variant's."""
+        return self.variants[name].of if name in self.variants else name
+
+    def replacements(self, name: str) -> dict[str, Callable[..., Any]]:
+        """Who makes the filters that are replaced in an estimator, by the filters' names.
+
+        Raises:
+            ScenarioError: where one cannot be imported.
+        """
+        key = f"{self.name}: variants.{name}"
+        return self.variants[name].makers(key) if name in self.variants else {}
 
 
 def read_document(

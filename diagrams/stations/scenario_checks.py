@@ -4,6 +4,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from crossmodal.diagrams.run.scenario import Scenario
+from crossmodal.diagrams.run.variants import check_variants, with_variants
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, suggestion
 from crossmodal.models import SDF_DIR
 
@@ -16,17 +17,30 @@ def check_one_camera(scenario: Scenario, source: str, what: str) -> None:
         )
 
 
-def check_modalities(names: Sequence[str], known: Sequence[str], source: str) -> None:
-    """Refuses estimators that there are not, none at all, and one that is named twice."""
+def check_estimators(
+    scenario: Scenario, chosen: Sequence[str], known: Sequence[str], source: str
+) -> list[str]:
+    """The estimators that run: the chosen ones, and the variants of the scenario.
+
+    Args:
+        chosen: Names, of the known ones or of variants.
+        known: The estimators of the application.
+        source: The scenario's file, for messages.
+
+    Raises:
+        ScenarioError: for one that there is not, none at all, and one that is named twice.
+    """
+    check_variants(scenario.variants, known, source)
+    names = with_variants(chosen, scenario.variants)
     for name in names:
-        if name not in known:
-            raise ScenarioError(
-                f"{source}: modalities: unknown modality '{name}'; {suggestion(name, known)}"
-            )
+        if name not in (*known, *scenario.variants):
+            hint = suggestion(name, [*known, *scenario.variants])
+            raise ScenarioError(f"{source}: modalities: unknown modality '{name}'; {hint}")
     if not names or len(set(names)) < len(names):
         raise ScenarioError(
-            f"{source}: modalities = {list(names)}, but it must name each once, at least one"
+            f"{source}: modalities = {names}, but it must name each once, at least one"
         )
+    return names
 
 
 def check_scene(scene: str, source: str) -> None:

@@ -98,6 +98,57 @@ def test_a_users_files_may_be_called_alike_or_as_a_module_of_pythons(
     assert sys.modules["json"] is before
 
 
+def test_a_scenario_that_cannot_be_read_does_not_end_a_list(toy: Path) -> None:
+    (toy.parent / "scenarios" / "broken.yaml").write_text("system: toy\nsped: 3\n")
+    result = RUNNER.invoke(app, ["list"])
+    assert result.exit_code == 0, result.output
+    shown = " ".join(result.output.split())
+    assert "rolling a ball rolls" in shown
+    assert "broken cannot be used:" in shown
+    assert "unknown key 'sped'; did you mean 'speed'?" in shown
+
+
+def test_where_applications_of_ones_own_are_named_is_said_where_nothing_is_near(
+    toy: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mine = toy.parent / "mine.yaml"
+    mine.write_text("system: toy\n")
+    assert load_scenario(str(mine))[0].name == "toy"
+    with pytest.raises(ScenarioError, match=rf"'xyzzy'.*named in {OWN}, which is .*{toy.name}"):
+        find_scenario("xyzzy")
+    monkeypatch.delenv(OWN)
+    for source in ("rolling", str(mine)):
+        with pytest.raises(ScenarioError, match=f"named in {OWN}, which is not set"):
+            load_scenario(source)
+    result = RUNNER.invoke(app, ["evaluate", "rolling"])
+    assert f"named in {OWN}, which is not set" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("assignments", "named"),
+    [
+        (["seed=3", "task.openin=1"], "task.openin=1"),
+        (["duration=-1", "seed=3"], "duration=-1"),
+        (["perception={cut: [nothing]}"], "perception={cut: [nothing]}"),
+        (["seed=3", "perception.hand_bending.creep=many"], "perception.hand_bending.creep=many"),
+    ],
+)
+def test_a_message_names_the_assignment_that_it_is_about(
+    assignments: list[str], named: str
+) -> None:
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario("drawer", assignments)
+    assert str(caught.value).endswith(f" (set by {named})")
+
+
+def test_a_message_about_a_file_names_no_assignment(tmp_path: Path) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text("base: drawer\nduration: -1\n")
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario(str(path), ["seed=3"])
+    assert "set by" not in str(caught.value)
+
+
 def test_model_directives_beside_the_scenarios_are_no_scenario(toy: Path) -> None:
     (toy.parent / "scenarios" / "room.dmd.yaml").write_text("directives: []\n")
     assert not [name for name in scenario_files() if name.startswith("room")]

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from crossmodal.diagrams.applications import load_scenario
-from crossmodal.diagrams.run.replay import check_recorded, replay
+from crossmodal.diagrams.applications import load_recorded
+from crossmodal.diagrams.run.replay import replay
 
 FOLDER = Path(__file__).parent
 SOURCES = sorted(FOLDER.glob("*.yaml"))  # What was simulated.
@@ -33,7 +33,7 @@ def perceive(folder: Path, changes: Sequence[str] = ()) -> pd.DataFrame:
     Returns:
         Rows of `KEYS`, `estimate` and `std` at a few ticks; an event is a row without numbers.
     """
-    application, scenario = load_scenario(str(check_recorded(folder, changes)), changes)
+    application, scenario = load_recorded(folder, changes)
     record = replay(application, folder, scenario)
     results = application.evaluate(record)
     table = results.estimates

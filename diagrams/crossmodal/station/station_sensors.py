@@ -42,7 +42,9 @@ def add_vision(wiring: StationWiring, encoders: JointEncoders, sequence: GraspSe
         sequence: Which says how far the hand is closed.
     """
     sensors = wiring.scenario.sensors
-    colour_is_read = any(name in SEEING for name in wiring.scenario.modalities)
+    colour_is_read = any(
+        wiring.scenario.original(name) in SEEING for name in wiring.scenario.modalities
+    )
     add_cameras(wiring, sensors.camera, colour_is_read)
     postures = {joint: (0.0, closed) for joint, closed in CLOSED_POSTURE.items()}
     robot = MaskedRobot(arm=ARM, arm_joints=ARM_JOINTS, hand=HAND, hand_posture=postures)

@@ -14,6 +14,7 @@ import yaml
 from pydrake.common.yaml import yaml_dump_typed
 
 from crossmodal.diagrams.run.application import Application
+from crossmodal.diagrams.run.folder.kept_files import kept_files, sums
 from crossmodal.diagrams.run.scenario import Scenario
 from crossmodal.maths.source_files import PACKAGE, source_files, sources_stamp
 from crossmodal.models import SDF_DIR, WEIGHTS_DIR
@@ -84,9 +85,9 @@ def contents(application: Application, scenario: Scenario) -> str:
 
     The files that do not come with the program stand below `files` with their SHA-256 sums.
     """
-    said, files = application.keep_files(scenario)
-    sums = {name: hashlib.sha256(path.read_bytes()).hexdigest() for name, path in files.items()}
-    return yaml_dump_typed(said) + (yaml.safe_dump({"files": sums}) if sums else "")
+    said, files = kept_files(application, scenario)
+    found = sums(files, scenario)
+    return yaml_dump_typed(said) + (yaml.safe_dump({"files": found}) if found else "")
 
 
 def fingerprint(application: Application, scenario: Scenario) -> dict[str, Any]:

@@ -25,6 +25,7 @@ from pydrake.common.yaml import yaml_dump_typed
 
 from crossmodal.diagrams.run.application import Application, Results
 from crossmodal.diagrams.run.folder.fingerprint import fingerprint, versions
+from crossmodal.diagrams.run.folder.kept_files import kept_files
 from crossmodal.diagrams.run.folder.perceived_file import PERCEIVED_FILE, as_text, perceived
 from crossmodal.diagrams.run.record import EpisodeRecord
 from crossmodal.diagrams.run.scenario import Scenario
@@ -184,7 +185,7 @@ def undrawn(place: Path, error: Exception) -> str:
 
 def write_scenario(folder: Path, application: Application, scenario: Scenario) -> Path:
     """Writes the resolved scenario with the versions that run it; it can be run again as it is."""
-    kept, files = application.keep_files(replace(scenario, versions=versions()))
+    kept, files = kept_files(application, replace(scenario, versions=versions()))
     for name, source in files.items():
         write_within(folder, name, partial(shutil.copyfile, source))
     return write_text(folder / SCENARIO_FILE, yaml_dump_typed(kept))
@@ -224,7 +225,8 @@ class RunWriter:
         self.written = [
             file for file in (record.sensors_file, record.video_file) if file is not None
         ]
-        self._names = [SCENARIO_FILE, *application.keep_files(record.scenario)[1], ESTIMATES_FILE]
+        own = kept_files(application, record.scenario)[1]
+        self._names = [SCENARIO_FILE, *own, ESTIMATES_FILE]
         self._perceived = perceived(application, record)
         self._names += [PERCEIVED_FILE] if self._perceived.estimators else []
         self._names += [f"{PLOT_FOLDER}/{name}" for name in results.plots]

@@ -17,6 +17,7 @@ from crossmodal.diagrams.run.calibration import Calibration
 from crossmodal.diagrams.run.episode import Episode, run_episode
 from crossmodal.diagrams.run.folder.run_folder import SCENARIO_FILE, SENSORS_FILE
 from crossmodal.diagrams.run.record import Quantity
+from crossmodal.diagrams.run.recorded_scenario import check_replaced
 from crossmodal.diagrams.run.replay import replay
 from crossmodal.diagrams.run.scenario import CameraConfig, Scenario
 from crossmodal.diagrams.run.sensor_streams.codecs import Topic
@@ -85,10 +86,10 @@ def test_quantities_that_are_there_are_taken_of_whichever_estimators_run() -> No
 @pytest.mark.parametrize(
     ("quantities", "station", "expected"),
     [
-        ([quantity("jonts_latest")], (), "eye does not have an output port named jonts_latest"),
-        ([quantity("grasp_latest")], (), "eye does not have an output port named grasp_latest"),
-        ([quantity("grsp_latest", "hand")], (), "hand does not have an output port named grsp_"),
-        ([], ("cheat_pos",), "station does not have an output port named cheat_pos"),
+        ([quantity("jonts_latest")], (), "'eye': has no output 'jonts_latest', which `quantities`"),
+        ([quantity("grasp_latest")], (), "'eye': has no output 'grasp_latest', which `quantities`"),
+        ([quantity("grsp_latest", "hand")], (), "did you mean 'grasp_latest'? allowed: grasp_"),
+        ([], ("cheat_pos",), "the station has no output 'cheat_pos', which `station_quantities`"),
     ],
 )
 def test_a_mistyped_quantity_is_refused_in_one_line(
@@ -101,6 +102,29 @@ def test_a_mistyped_quantity_is_refused_in_one_line(
     with pytest.raises(ScenarioError) as caught:
         episode(application(*quantities, station=station), both)
     assert expected in str(caught.value)
+
+
+def test_an_estimator_that_reads_what_there_is_not_is_told_what_there_is() -> None:
+    class Reader(Ports):
+        def __init__(self) -> None:
+            super().__init__("joints_latest")
+            self.DeclareVectorInputPort("encodr_window", 1)
+
+    with pytest.raises(ScenarioError) as caught:
+        episode(application(), {"eye": Reader()})
+    said = str(caught.value)
+    assert said.startswith("estimator 'eye' reads 'encodr_window', which the station does not have")
+    assert "allowed: none" in said  # The truth is not among them.
+
+
+def test_an_application_says_what_only_its_estimators_read() -> None:
+    toy = application()
+    check_replaced(toy, ["perception.gain=1"])
+    own = replace(toy, replaceable=("filter_noise",))
+    check_replaced(own, ["filter_noise=1", "variants.mine.of=eye", "calibration.noise.angle=1"])
+    for change in ("perception.gain=1", "filter_noises=1"):
+        with pytest.raises(ScenarioError, match=r"only filter_noise, modalities, .*`replaceable`"):
+            check_replaced(own, [change])
 
 
 def test_what_is_recorded_depends_on_the_scenario(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ import pytest
 import yaml
 from numpy.testing import assert_allclose
 
-from crossmodal.diagrams.applications import load_scenario
+from crossmodal.diagrams.applications import load_recorded
 from crossmodal.diagrams.crossmodal.application import APPLICATION
 from crossmodal.diagrams.crossmodal.episode_parts import TOPICS
 from crossmodal.diagrams.crossmodal.estimators import CROSSMODAL_CONNECTIONS, make_network
@@ -46,7 +46,7 @@ WIRINGS: dict[str, tuple[str, list[str]]] = {
 
 
 def scenario_of(folder: Path, *changes: str) -> Scenario:
-    return load_scenario(str(check_recorded(folder, changes)), changes)[1]
+    return load_recorded(folder, changes)[1]
 
 
 def streams(scenario: Scenario) -> list[Stream]:
@@ -199,7 +199,7 @@ def test_a_recording_without_truth_is_perceived_and_no_errors_are_claimed(
 
 def test_a_stream_that_an_estimator_needs_is_missed_by_its_name(real_recording: Path) -> None:
     scenario = scenario_of(real_recording, "modalities=[vision]")
-    missing = r"holds no stream '\w+', which 'vision' needs; record it again"
+    missing = r"holds no stream '\w+', which the estimator 'vision' reads: record it again"
     with pytest.raises(ScenarioError, match=missing):
         replay(APPLICATION, real_recording, scenario)
 
@@ -229,9 +229,9 @@ def test_a_scenario_that_was_changed_since_is_refused_with_the_key(
 
 def test_a_replay_cannot_change_what_was_measured(recorded_run: Path) -> None:
     with pytest.raises(ScenarioError, match=r"objects\.drawer\.friction.*only perception"):
-        check_recorded(recorded_run, ["objects.drawer.friction=3"])
+        load_recorded(recorded_run, ["objects.drawer.friction=3"])
     for change in ("perception.cut=[]", "modalities=[vision]", "calibration.believed.latency=1"):
-        check_recorded(recorded_run, [change])
+        load_recorded(recorded_run, [change])
 
 
 def test_a_folder_without_a_recording_says_how_to_make_one(tmp_path: Path) -> None:

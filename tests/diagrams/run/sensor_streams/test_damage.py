@@ -118,8 +118,8 @@ def test_what_only_another_version_says_is_no_difference_in_a_list_either() -> N
     assert start in older
     with pytest.raises(ScenarioError, match=r"disturbances\.lights_off\[0\]\.start = .*recorded"):
         check_unchanged(APPLICATION, scenario, older.replace(start, "start: 99.0"), "mine.yaml")
-    assert is_replaceable("disturbances.faults[0].start")
-    assert not is_replaceable("disturbances.faulty")
+    assert is_replaceable(APPLICATION, "disturbances.faults[0].start")
+    assert not is_replaceable(APPLICATION, "disturbances.faulty")
 
 
 def test_nobody_waits_at_a_pipe(tmp_path: Path) -> None:

@@ -11,7 +11,8 @@ import pytest
 from crossmodal.diagrams.applications import OWN, load_scenario
 from crossmodal.diagrams.run.episode import run_episode
 from crossmodal.diagrams.run.folder.run_folder import SENSORS_FILE, write_run
-from crossmodal.diagrams.run.replay import check_recorded, replay
+from crossmodal.diagrams.run.recorded_scenario import check_replaced
+from crossmodal.diagrams.run.replay import replay
 from crossmodal.diagrams.run.scenario import Disturbances
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 from crossmodal.systems.sensors.stream_fault import StreamFault
@@ -50,9 +51,9 @@ def test_a_fault_changes_what_is_perceived_from_its_start_on(tmp_path: Path) -> 
     shared = len(perceived) - 2
     np.testing.assert_allclose(angles(again)[:shared], perceived[:shared], atol=1e-9)
     np.testing.assert_allclose(angles(mended)[:shared], usual[:shared], atol=1e-9)
-    check_recorded(tmp_path, ["disturbances.faults=[]"])
+    check_replaced(application, ["disturbances.faults=[]"])
     with pytest.raises(ScenarioError, match="only perception"):
-        check_recorded(tmp_path, ["disturbances.lights_off=[]"])
+        check_replaced(application, ["disturbances.lights_off=[]"])
 
 
 @pytest.mark.parametrize(

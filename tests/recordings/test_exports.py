@@ -18,7 +18,7 @@ from outputs import FOLDER
 from typer.testing import CliRunner
 
 from benchmarks.exported_models import Reopened, deviations, perceived_over_time
-from crossmodal.diagrams.applications import load_scenario
+from crossmodal.diagrams.applications import load_recorded
 from crossmodal.diagrams.command_line import app
 from crossmodal.diagrams.crossmodal.application import APPLICATION
 from crossmodal.diagrams.joints.perceived_object import body_name
@@ -30,7 +30,7 @@ from crossmodal.diagrams.run.folder.perceived_file import (
 )
 from crossmodal.diagrams.run.folder.run_folder import SCENARIO_FILE, SENSORS_FILE, write_scenario
 from crossmodal.diagrams.run.record import EpisodeRecord
-from crossmodal.diagrams.run.replay import check_recorded, replay
+from crossmodal.diagrams.run.replay import replay
 from crossmodal.diagrams.run.stream.sinks import opened_sink
 from crossmodal.systems.object_models.articulated_object import ArticulatedObject
 
@@ -60,7 +60,7 @@ def seen(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
     folder = FOLDER / request.param
     file = tmp_path_factory.mktemp("stream") / "estimates.mcap"
     changes = [f"modalities=[{MODALITY}]"]
-    application, scenario = load_scenario(str(check_recorded(folder, changes)), changes)
+    application, scenario = load_recorded(folder, changes)
     with opened_sink(str(file)) as sink:
         record = replay(application, folder, scenario, sink=sink)
     each = perceived_over_time(application, record.estimators[MODALITY].ticks)

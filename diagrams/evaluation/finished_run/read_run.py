@@ -29,6 +29,7 @@ from crossmodal.diagrams.run.yaml_input.loader import read_yaml
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line
 
 _KEYS = ["modality", "quantity", "component"]
+_SAME = 1e-9  # Truths that differ by less are the same.
 _NUMBERS = ["time", "estimate", "std", "truth"]
 
 
@@ -204,31 +205,45 @@ def values_over_time(run: FinishedRun) -> dict[str, Any]:
     """The estimates, ready for JSON: what is not known is None.
 
     Returns:
-        `times` (T,) [s], and `rows`, one for each quantity and component: its `truth` (T,) and, in
-        `series`, by estimator, its `estimate` (T,) and the reported deviation `std` (T,).
+        `times` (T,) [s], and `rows`, one for each quantity and component, and for each truth where
+        estimators have different ones: its `truth` (T,) and, in `series`, by estimator, its
+        `estimate` (T,) and the reported deviation `std` (T,).
     """
     times = np.unique(run.estimates["time"])
-    rows = []
-    for quantity in run.quantities:
-        chosen = run.estimates[run.estimates["quantity"] == quantity]
-        for component, found in chosen.groupby("component", sort=False):
-            by_estimator = {
-                str(name): part.set_index("time").reindex(times)
-                for name, part in found.groupby("modality", sort=False)
-            }
-            truth = found.dropna(subset="truth").drop_duplicates("time").set_index("time")["truth"]
-            rows.append(
-                {
-                    "quantity": quantity,
-                    "component": str(component),
-                    "truth": _for_json(truth.reindex(times)),
-                    "series": {
-                        name: {key: _for_json(part[key]) for key in ("estimate", "std")}
-                        for name, part in by_estimator.items()
-                    },
-                }
-            )
+    rows = [
+        _row(str(quantity), str(component), part, times)
+        for quantity in run.quantities
+        for component, found in run.estimates[run.estimates["quantity"] == quantity].groupby(
+            "component", sort=False
+        )
+        for part in _of_one_truth(found)
+    ]
     return {"times": _for_json(pd.Series(times)), "rows": rows}
+
+
+def _of_one_truth(found: pd.DataFrame) -> list[pd.DataFrame]:
+    """A quantity's estimates; estimator by estimator where each has a frame of its own."""
+    truths = found.groupby("time")["truth"]
+    if (truths.max() - truths.min()).max() > _SAME:
+        return [part for _, part in found.groupby("modality", sort=False)]
+    return [found]
+
+
+def _row(quantity: str, component: str, found: pd.DataFrame, times: Any) -> dict[str, Any]:
+    by_estimator = {
+        str(name): part.set_index("time").reindex(times)
+        for name, part in found.groupby("modality", sort=False)
+    }
+    truth = found.dropna(subset="truth").drop_duplicates("time").set_index("time")["truth"]
+    return {
+        "quantity": quantity,
+        "component": component,
+        "truth": _for_json(truth.reindex(times)),
+        "series": {
+            name: {key: _for_json(part[key]) for key in ("estimate", "std")}
+            for name, part in by_estimator.items()
+        },
+    }
 
 
 def _for_json(values: pd.Series) -> list[float | None]:

@@ -100,6 +100,16 @@ def test_values_stand_at_common_times_and_what_is_not_known_is_none(folder: Path
     assert row["truth"][15] == pytest.approx(0.153)
 
 
+def test_estimators_whose_frames_differ_have_rows_and_truths_of_their_own(folder: Path) -> None:
+    file = folder / "estimates.parquet"
+    table = pd.read_parquet(file)
+    table.loc[table["modality"] == "crossmodal", "truth"] += 0.05
+    table.to_parquet(file)
+    of_vision, of_both = values_over_time(read(folder))["rows"]
+    assert (list(of_vision["series"]), list(of_both["series"])) == (["vision"], ["crossmodal"])
+    assert of_both["truth"][15] - of_vision["truth"][15] == pytest.approx(0.05)
+
+
 @pytest.mark.parametrize(
     ("file", "content", "expected"),
     [

@@ -29,13 +29,12 @@ from crossmodal.diagrams.clutter.meshcat_requests import GRID, MUCH, Touches, Vi
 from crossmodal.diagrams.clutter.robot_config import OBJECT
 from crossmodal.diagrams.clutter.scenario import Scenario, target_mesh, target_name
 from crossmodal.diagrams.drawing import palette
+from crossmodal.diagrams.drawing.layers import Layers, Viewpoint
 from crossmodal.diagrams.drawing.legend import Entry, show_legend
 from crossmodal.diagrams.drawing.meshcat import (
     ROOT,
     TRUTH,
-    Layers,
     Shown,
-    Viewpoint,
     clear_view,
     estimator_layers,
     legend_title,

@@ -1,5 +1,7 @@
 """`crossmodal list`."""
 
+from pathlib import Path
+
 import typer
 
 from crossmodal.diagrams.commands.endings import one_line_errors
@@ -10,7 +12,7 @@ EXAMPLES = "Example:  crossmodal list, then  crossmodal run cupboard-door"
 def list_command() -> None:
     """Show the scenarios, experiments, flows and networks that there are."""
     with one_line_errors():
-        from crossmodal.diagrams.commands.listings import listings
+        from crossmodal.diagrams.commands.listings import COME_ALONG, listings
         from crossmodal.diagrams.crossmodal.studies.ablations import ABLATIONS
         from crossmodal.diagrams.run.listing import description_of
 
@@ -22,7 +24,8 @@ def list_command() -> None:
                 typer.echo(f"{application.name}: {application.description}")
             typer.echo("Scenarios (crossmodal run NAME):")
             for name, path in application.files().items():
-                _line(name, description_of(path, files), width)
+                is_ours = application.name in COME_ALONG
+                _line(name, description_of(path, files) if is_ours else _checked(path), width)
             if application.experiments:
                 typer.echo("Experiments (crossmodal evaluate NAME):")
             for name, experiment in application.experiments.items():
@@ -34,6 +37,17 @@ def list_command() -> None:
         _line("hand-bending", "the soft hand's bending from wrench and air pressure", width)
         _line("segmentation", "which object each pixel of an image of the table shows", width)
         _line("grasp", "where and how well objects can be grasped from above", width)
+
+
+def _checked(path: Path) -> str:
+    """What a scenario says that it is; of one that cannot be used, why."""
+    from crossmodal.diagrams.applications import load_scenario
+    from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
+
+    try:
+        return str(load_scenario(str(path))[1].description)
+    except ScenarioError as error:
+        return f"cannot be used: {error}"
 
 
 def _line(name: str, text: str, width: int) -> None:

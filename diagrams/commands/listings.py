@@ -3,22 +3,20 @@
 import glob
 import importlib
 import os
-from functools import cache
 from importlib.metadata import entry_points
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from crossmodal.diagrams.run.listing import Listing
 
-_COME_ALONG = ("crossmodal", "flap", "clutter")
+COME_ALONG = ("crossmodal", "flap", "clutter")
 
 
-@cache
 def listings() -> tuple["Listing", ...]:
     """Of all applications, those that come along first; others are imported for it."""
     from crossmodal.diagrams.run.listing import Listing
 
-    modules = (f"crossmodal.diagrams.{name}.listing" for name in _COME_ALONG)
+    modules = (f"crossmodal.diagrams.{name}.listing" for name in COME_ALONG)
     found = [importlib.import_module(module).LISTING for module in modules]
     if not os.environ.get("CROSSMODAL_APPLICATIONS") and not entry_points(
         group="crossmodal.applications"
@@ -34,7 +32,7 @@ def listings() -> tuple["Listing", ...]:
             experiments=application.experiments,
         )
         for name, application in applications().items()
-        if name not in _COME_ALONG
+        if name not in COME_ALONG
     ]
     return (*found, *own)
 

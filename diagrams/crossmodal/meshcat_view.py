@@ -20,13 +20,12 @@ from crossmodal.diagrams.crossmodal.results.report import describe_configuration
 from crossmodal.diagrams.crossmodal.scenario import Scenario
 from crossmodal.diagrams.drawing import palette
 from crossmodal.diagrams.drawing.dots import set_dots
+from crossmodal.diagrams.drawing.layers import Layers, Viewpoint
 from crossmodal.diagrams.drawing.legend import Entry, show_legend
 from crossmodal.diagrams.drawing.meshcat import (
     ROOT,
     TRUTH,
-    Layers,
     Shown,
-    Viewpoint,
     clear_view,
     estimator_layers,
     frame_along,

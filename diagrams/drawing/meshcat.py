@@ -2,7 +2,6 @@
 
 import socket
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
 
 import numpy as np
 from pydrake.geometry import (
@@ -14,33 +13,13 @@ from pydrake.geometry import (
 )
 from pydrake.math import RigidTransform, RotationMatrix
 
+from crossmodal.diagrams.drawing.layers import Viewpoint
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.vectors import normal_basis
 
 ROOT = "/perception"  # Of what is believed.
 TRUTH = "/truth"  # Of what is true, hidden until somebody wants to see it.
 _SCENE = "/drake/visualizer"  # Of what Drake's `MeshcatVisualizer` shows.
-
-
-@dataclass(frozen=True, kw_only=True)
-class Layers:
-    """What can be shown and hidden of what a view draws.
-
-    Attributes:
-        estimators: Paths of which one is shown at a time, by the name of each.
-        truth: Path of what is true; empty where that is not drawn.
-    """
-
-    estimators: Mapping[str, str] = field(default_factory=dict)
-    truth: str = ""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Viewpoint:
-    """From where a scene is seen: p_WV of the viewer, p_WT of the middle, (3,) [m]."""
-
-    p_WV: Array
-    p_WT: Array
 
 
 def start_meshcat(host: str = "localhost", port: int | None = None) -> Meshcat:

@@ -20,7 +20,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.sensors import CameraInfo, RgbdSensor
 
-from crossmodal.diagrams.drawing.meshcat import Viewpoint
+from crossmodal.diagrams.drawing.layers import Viewpoint
 from crossmodal.maths import se3
 
 _RENDERER = "colour"  # A visual that accepts this renderer only is transparent.

@@ -15,12 +15,11 @@ from pydrake.systems.framework import (
 )
 
 from crossmodal.diagrams.drawing import palette
+from crossmodal.diagrams.drawing.layers import Layers, Viewpoint
 from crossmodal.diagrams.drawing.legend import Entry, show_legend
 from crossmodal.diagrams.drawing.meshcat import (
     ROOT,
     TRUTH,
-    Layers,
-    Viewpoint,
     clear_view,
     estimator_layers,
     frame_along,

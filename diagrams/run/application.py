@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
 
-from crossmodal.diagrams.drawing.meshcat import Layers, Viewpoint
+from crossmodal.diagrams.drawing.layers import Layers, Viewpoint
 from crossmodal.diagrams.run.calibration import Calibration
 from crossmodal.diagrams.run.experiment import CampaignPlot, Column, Experiment, Metric
 from crossmodal.diagrams.run.live.controls import Control

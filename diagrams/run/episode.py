@@ -12,14 +12,11 @@ from pydrake.geometry import Meshcat, MeshcatVisualizer, MeshcatVisualizerParams
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, PortDataType, System
 
-from crossmodal.diagrams.drawing.legend import EventBoard
-from crossmodal.diagrams.drawing.meshcat import Layers
+from crossmodal.diagrams.drawing.layers import Layers
 from crossmodal.diagrams.run.application import SCENE_PORT, Application, Station
 from crossmodal.diagrams.run.calibration import Calibration
 from crossmodal.diagrams.run.folder.fingerprint import contents
 from crossmodal.diagrams.run.live.controls import Control, ControlKind, connect_controls
-from crossmodal.diagrams.run.live.events import EventText
-from crossmodal.diagrams.run.live.session import LiveSession
 from crossmodal.diagrams.run.process import peak_memory
 from crossmodal.diagrams.run.record import EpisodeRecord, Event, Quantity, TaskStatus
 from crossmodal.diagrams.run.recorder import (
@@ -32,13 +29,15 @@ from crossmodal.diagrams.run.sensor_streams.log import SensorLogWriter, SensorRe
 from crossmodal.diagrams.run.sensor_streams.stream_faults import add_stream_faults, model_of
 from crossmodal.diagrams.run.ticks import advance_by_ticks
 from crossmodal.diagrams.run.variants import check_variants, with_variants
-from crossmodal.diagrams.run.video import VideoWriter, add_video
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line, suggestion
 from crossmodal.maths.compiled import compilation_timed
 from crossmodal.systems.compile_ahead import compile_ahead
 
 if TYPE_CHECKING:
+    from crossmodal.diagrams.run.live.events import EventText
+    from crossmodal.diagrams.run.live.session import LiveSession
     from crossmodal.diagrams.run.stream.sinks import Sink
+    from crossmodal.diagrams.run.video import VideoWriter
 
 
 class StationWarning(UserWarning):
@@ -220,6 +219,8 @@ class Episode:
                 self.estimators, models,
             )  # fmt: skip
         if self._video_file is not None:
+            from crossmodal.diagrams.run.video import add_video
+
             film = application.film or application.pictures
             self._video = add_video(
                 builder,
@@ -243,6 +244,10 @@ class Episode:
         station: Diagram,
         controls: Sequence[Control],
     ) -> None:
+        from crossmodal.diagrams.drawing.legend import EventBoard
+        from crossmodal.diagrams.run.live.events import EventText
+        from crossmodal.diagrams.run.live.session import LiveSession
+
         scenario, layers = self._scenario, Layers()
         spans = scenario.disturbances.spans()
         title = f"{scenario.name}, seed {scenario.seed}"
@@ -550,6 +555,8 @@ def run_episode(
         video_file: Where to keep a video of it.
     """
     if meshcat is not None:
+        from crossmodal.diagrams.drawing.legend import EventBoard
+
         EventBoard(meshcat).show([f"{scenario.name}, seed {scenario.seed}: is being built"])
     compile_ahead(application.name)
     episode = Episode(

@@ -13,7 +13,7 @@ from pydrake.geometry import QueryObject
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSystem
 from pydrake.systems.sensors import ImageRgba8U
 
-from crossmodal.diagrams.drawing.meshcat import Viewpoint
+from crossmodal.diagrams.drawing.layers import Viewpoint
 from crossmodal.diagrams.drawing.outside_view import OutsideView
 from crossmodal.diagrams.run.application import SCENE_PORT
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from pydrake.geometry import Meshcat
 
-from crossmodal.diagrams.drawing.meshcat import Layers
+from crossmodal.diagrams.drawing.layers import Layers
 from crossmodal.diagrams.run.live.controls import Control
 
 PAUSE, TICK, END, NEXT = "Pause / go on", "Single tick", "End the episode", "Restart, next seed"

@@ -122,7 +122,7 @@ def test_a_mesh_of_ones_own_is_found(tmp_path: Path) -> None:
     [
         ("target.object=sprai", "target.object = 'sprai', but it must be one of black_box"),
         ("touches.criterion=best", "touches.criterion = 'best', but it must be one of random"),
-        ("modalities=[vision]", "'vision' is none of density, quaternion"),
+        ("modalities=[vision]", "unknown modality 'vision'; allowed: density, quaternion"),
         ("guess.translation=[0.05, 0.02]", "guess.translation must be least, then largest"),
         ("station=arm", "station = 'arm', but it must be one of rig, robots"),
         ("target.mesh=none.obj", "there is no such file"),

@@ -3,10 +3,10 @@ from unittest.mock import Mock, call
 import numpy as np
 import pytest
 
+from crossmodal.diagrams.drawing.layers import Viewpoint
 from crossmodal.diagrams.drawing.meshcat import (
     ROOT,
     TRUTH,
-    Viewpoint,
     clear_view,
     legend_title,
     rigid_transform,

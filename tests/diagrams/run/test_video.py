@@ -10,7 +10,7 @@ from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder
 
-from crossmodal.diagrams.drawing.meshcat import Viewpoint
+from crossmodal.diagrams.drawing.layers import Viewpoint
 from crossmodal.diagrams.drawing.outside_view import OutsideView
 from crossmodal.diagrams.run.video import VideoWriter, add_video, need_encoder, side_by_side
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError

@@ -11,7 +11,8 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.multibody.tree import RevoluteJoint, SpatialInertia, UnitInertia
 from pydrake.systems.framework import DiagramBuilder
 
-from crossmodal.diagrams.drawing.meshcat import ROOT, TRUTH, Layers, clear_view
+from crossmodal.diagrams.drawing.layers import Layers
+from crossmodal.diagrams.drawing.meshcat import ROOT, TRUTH, clear_view
 from crossmodal.diagrams.evaluation.estimates import evaluate_rows, scalar
 from crossmodal.diagrams.run.application import Application, Quantity, Scenario, Station, Viewpoint
 from crossmodal.diagrams.run.live.controls import Control

@@ -112,7 +112,7 @@ def test_a_person_moves_a_control_and_the_page_stays_when_the_episode_has_ended(
             break
     page.get_by_text(END, exact=True).wait_for(state="detached")
     assert page.get_by_text(NEXT, exact=True).is_visible()
-    assert angle(page_of(url)) != 0.0  # Whoever opens the page now sees where it ended.
+    wait_for(page_of(url), f"{moved} > 1e-3")  # Whoever opens it now sees where it ended.
     assert process.stdin is not None
     process.stdin.write("\n")
     process.stdin.close()

@@ -10,7 +10,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import PassThrough
 
-from crossmodal.diagrams.drawing.meshcat import Layers
+from crossmodal.diagrams.drawing.layers import Layers
 from crossmodal.diagrams.run.live.controls import (
     Control,
     ControlKind,

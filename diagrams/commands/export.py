@@ -1,5 +1,6 @@
 """`crossmodal export`."""
 
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,6 +13,8 @@ if TYPE_CHECKING:
     from crossmodal.diagrams.run.application import Application
     from crossmodal.diagrams.run.folder.perceived_file import Perceived
 
+_BAGS = ("bag", "mcap", "db3")  # Of ROS 1, of ROS 2 and again of ROS 2.
+
 EXAMPLES = (
     "Examples:  crossmodal run drawer --out runs/a, then  crossmodal export runs/a --to urdf"
     "   |   crossmodal export runs/a --to sdf --estimator vision --out seen.sdf"
@@ -20,17 +23,31 @@ EXAMPLES = (
 
 def export_command(
     run: Annotated[Path, typer.Argument(help="Folder of a run.")],
-    to: Annotated[str, typer.Option(metavar="urdf|sdf", help="Form of the model.")],
+    to: Annotated[
+        str,
+        typer.Option(
+            metavar="urdf|sdf|bag|mcap|db3",
+            help="A model of the object; or the sensor streams as a bag of ROS 1 or 2.",
+        ),
+    ],
     out: Annotated[
-        Path | None, typer.Option(help="File. [default: RUN/object.urdf or .sdf]")
+        Path | None,
+        typer.Option(help="File. [default: RUN/object.urdf or .sdf, RUN/streams.bag, ...]"),
     ] = None,
     estimator: Annotated[
         str, typer.Option(help="Whose estimates. [default: those that the robot acted by]")
     ] = "",
     force: ForceOption = False,
 ) -> None:
-    """Write the object as a run perceived it as a model: joints, limits, friction, boxes."""
+    """Write the object as a run perceived it as a model, or what its sensors measured as a bag."""
     with one_line_errors():
+        if to in _BAGS:
+            if estimator:
+                raise typer.BadParameter("is for models", param_hint="--estimator")
+            typer.echo(
+                f"{_export_bag(run, out or run / f'streams.{to}', to, force=force)}: streams"
+            )
+            return
         from crossmodal.diagrams.applications import load_scenario
         from crossmodal.diagrams.run.folder.run_folder import SCENARIO_FILE, write_text
         from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, suggestion
@@ -40,7 +57,7 @@ def export_command(
 
         writers = {"urdf": urdf, "sdf": sdf}
         if to not in writers:
-            raise ScenarioError(f"--to = '{to}', need urdf or sdf")
+            raise ScenarioError(f"--to = '{to}', need one of {', '.join([*writers, *_BAGS])}")
         path = out or run / f"object.{to}"
         if path.exists() and not force:
             raise ScenarioError(f"{path}: exists already; replace it with --force, or name --out")
@@ -63,6 +80,17 @@ def export_command(
         except ValueError as error:
             raise ScenarioError(f"{run}: {error}") from None
         typer.echo(f"{write_text(path, model)}: as '{chosen}' perceived it")
+
+
+def _export_bag(run: Path, path: Path, kind: str, *, force: bool) -> Path:
+    from crossmodal.diagrams.recordings.export_bag import export_bag
+    from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
+
+    if path.is_file() and not path.is_symlink() and force:
+        path.unlink()
+    elif os.path.lexists(path):
+        raise ScenarioError(f"{path}: exists already; name another with --out")
+    return export_bag(run, path, kind)
 
 
 def _perceived(run: Path, application: "Application", scenario: Any) -> "Perceived":

@@ -11,7 +11,6 @@ from truth_paths import truth_paths, truth_references
 from crossmodal.diagrams.applications import load_scenario, scenario_files
 from crossmodal.diagrams.run.episode import Episode
 
-
 # How many things lie around changes no wire, but a heap takes more than a minute to come to rest.
 SMALLER = {name: ["clutter.count=1", "clutter.tries=1"] for name in ("clutter", "declutter")}
 

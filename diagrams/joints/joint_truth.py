@@ -177,7 +177,8 @@ class Truth(JointTruth):
         times: Instants of the network's ticks (T,), [s].
         configuration: The joint's position q (T,), [m or rad].
         X_WB: Pose (T, 4, 4) of the moved body.
-        grasp_time: The instant the hand was closed, [s].
+        grasp_time: The instant the hand was closed, [s]; NaN where it never was, and the first tick
+            where nobody says when it was.
         regrasp_times: When it was closed again after a lost grasp, [s].
         mechanics: What the joint takes to move, and its range in its own position.
     """
@@ -237,13 +238,16 @@ def truth_of_ticks(station: Sequence[Tick]) -> Truth:
     mechanics = next((t.values[port] for t in station if port in t.values), UNKNOWN_MECHANICS)
     holds = [False, *map(_holds, station)]
     grasps = [t.time for t, before in zip(station, holds, strict=False) if _holds(t) > before]
+    # Of a recording that does not say when a hand held the object, travel counts from its start.
+    is_told = any("interaction_active" in tick.values for tick in station)
+    start = float("nan") if is_told or not ticks else ticks[0].time
     poses = [tick.values["cheat_body_pose"].GetAsMatrix4() for tick in ticks]
     return Truth(
         **vars(constants),
         times=np.array([tick.time for tick in ticks]),
         configuration=np.array([float(tick.values["cheat_configuration"][0]) for tick in ticks]),
         X_WB=np.array(poses).reshape(-1, 4, 4),
-        grasp_time=grasps[0] if grasps else float("nan"),
+        grasp_time=grasps[0] if grasps else start,
         regrasp_times=grasps[1:],
         mechanics=mechanics,
     )

@@ -151,3 +151,14 @@ def test_what_is_kept_before_the_first_grasp_is_bounded_too() -> None:
     assert [kept[0].time, kept[-1].time] == [0.0, pytest.approx(99.9)]
     times = [tick.time for tick in kept]
     assert times == sorted(times)
+
+
+def test_travel_counts_from_the_start_where_nobody_says_when_a_hand_held_the_object() -> None:
+    ticks = [
+        Tick(
+            time=0.1 * k,
+            values={"cheat_configuration": np.array([q]), "cheat_body_pose": RigidTransform()},
+        )
+        for k, q in enumerate((0.02, 0.02, 0.07))
+    ]
+    assert_allclose(truth_of_ticks(ticks).opening(), [0.0, 0.0, 0.05])

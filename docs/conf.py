@@ -58,6 +58,8 @@ def escaped(line: str) -> str:
     """A line of plain text, in which stars, bars and last underscores are no mark-up."""
     parts = _SPOKEN.split(line)
     parts[::2] = [re.sub(r"([*|]|_(?=\W|$))", r"\\\1", part) for part in parts[::2]]
+    # Code ends before what is no letter; an escaped space is none, and is not shown.
+    parts[2::2] = [f"\\ {part}" if part[:1].isalnum() else part for part in parts[2::2]]
     return "".join(parts)
 
 

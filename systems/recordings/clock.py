@@ -2,9 +2,8 @@
 
 from dataclasses import dataclass, field
 
-_APART = (
-    1_000_000_000  # Stamps that differ more from when they were logged are another clock's [ns].
-)
+# Stamps that differ more from when they were logged are another clock's, [ns].
+_APART = 1_000_000_000
 
 
 @dataclass(kw_only=True)

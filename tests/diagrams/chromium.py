@@ -7,22 +7,34 @@ from typing import Any
 
 import pytest
 
-PATIENCE = 120_000  # Rendering in software is slow, [ms].
+PATIENCE = 300_000  # Rendering in software is slow, and tests share the cores, [ms].
 
 
 @contextmanager
-def opened_page(url: str, *, width: int = 500, dark: bool = False) -> Iterator[Any]:
-    """A small page at an address; the test is skipped where no browser is there."""
+def browser() -> Iterator[Any]:
+    """A browser; the test is skipped where there is none."""
     playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
     chromium = shutil.which("chromium") or shutil.which("chromium-browser")
     if chromium is None:
         pytest.skip("no chromium is installed")
     with playwright.sync_playwright() as started:
-        arguments = ["--use-angle=swiftshader", "--no-sandbox"]
-        browser = started.chromium.launch(executable_path=chromium, args=arguments)
-        scheme = "dark" if dark else "light"
-        page = browser.new_page(viewport={"width": width, "height": 400}, color_scheme=scheme)
-        page.set_default_timeout(PATIENCE)
-        page.goto(url)
-        yield page
-        browser.close()
+        arguments = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
+        opened = started.chromium.launch(executable_path=chromium, args=arguments)
+        yield opened
+        opened.close()
+
+
+def page_at(opened: Any, url: str, *, width: int = 500, dark: bool = False) -> Any:
+    """A small page of a browser at an address."""
+    scheme = "dark" if dark else "light"
+    page = opened.new_page(viewport={"width": width, "height": 400}, color_scheme=scheme)
+    page.set_default_timeout(PATIENCE)
+    page.goto(url)
+    return page
+
+
+@contextmanager
+def opened_page(url: str, *, width: int = 500, dark: bool = False) -> Iterator[Any]:
+    """A small page at an address; the test is skipped where no browser is there."""
+    with browser() as opened:
+        yield page_at(opened, url, width=width, dark=dark)

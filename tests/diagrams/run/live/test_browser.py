@@ -2,21 +2,20 @@
 
 import json
 import os
-import shutil
 import socket
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
+from chromium import PATIENCE, browser, page_at
 
 from crossmodal.diagrams.applications import OWN
 from crossmodal.diagrams.run.live.session import END, NEXT, PAUSE, TICK, TRUTH
 
-PATIENCE = 300.0  # A browser without a graphics card shares two cores with others, [s].
-BROWSER = shutil.which("chromium") or shutil.which("chromium-browser")
 ROD = "['drake', 'visualizer', 'rod']"
 TORQUE = "torque [N m]"
 
@@ -24,21 +23,8 @@ TORQUE = "torque [N m]"
 @pytest.fixture(scope="module")
 def page_of() -> Iterator[Callable[[str], Any]]:
     """Opens a page; skips where there is no browser."""
-    api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    if BROWSER is None:
-        pytest.skip("chromium is not installed")
-    arguments = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
-    with api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=BROWSER, args=arguments)
-
-        def open_page(url: str) -> Any:
-            page = browser.new_page(viewport={"width": 480, "height": 360})
-            page.set_default_timeout(1e3 * PATIENCE)
-            page.goto(url)
-            return page
-
-        yield open_page
-        browser.close()
+    with browser() as opened:
+        yield partial(page_at, opened)
 
 
 @pytest.fixture
@@ -116,6 +102,6 @@ def test_a_person_moves_a_control_and_the_page_stays_when_the_episode_has_ended(
     assert process.stdin is not None
     process.stdin.write("\n")
     process.stdin.close()
-    assert process.wait(PATIENCE) == 130
+    assert process.wait(1e-3 * PATIENCE) == 130
     summary = json.loads((tmp_path / "run" / "summary.json").read_text())
     assert "by hand: torque 2 N m" in [event["name"] for event in summary["events"]]

@@ -41,13 +41,6 @@ def export_command(
 ) -> None:
     """Write the object as a run perceived it as a model, or what its sensors measured as a bag."""
     with one_line_errors():
-        if to in _BAGS:
-            if estimator:
-                raise typer.BadParameter("is for models", param_hint="--estimator")
-            typer.echo(
-                f"{_export_bag(run, out or run / f'streams.{to}', to, force=force)}: streams"
-            )
-            return
         from crossmodal.diagrams.applications import load_scenario
         from crossmodal.diagrams.run.folder.run_folder import SCENARIO_FILE, write_text
         from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, suggestion
@@ -55,6 +48,14 @@ def export_command(
         from crossmodal.systems.object_models.sdf import sdf
         from crossmodal.systems.object_models.urdf import urdf
 
+        if to in _BAGS:
+            if estimator:
+                raise ScenarioError(
+                    f"--estimator = '{estimator}': a bag (--to {to}) holds no estimates"
+                )
+            path = _export_bag(run, out or run / f"streams.{to}", to, force=force)
+            typer.echo(f"{path}: what the sensors measured")
+            return
         writers = {"urdf": urdf, "sdf": sdf}
         if to not in writers:
             raise ScenarioError(f"--to = '{to}', need one of {', '.join([*writers, *_BAGS])}")

@@ -37,6 +37,8 @@ def test_a_run_keeps_what_every_estimator_perceived(fake_episode: SimpleNamespac
     [
         ("", ["--to", "sdf"], "run: holds no scenario.yaml; name the folder of a run"),
         ("drawer", ["--to", "mjcf"], "--to = 'mjcf', need one of urdf, sdf, bag, mcap, db3"),
+        ("drawer", ["--to", "bag"], "run: holds no sensors.mcap; record one with"),
+        ("drawer", ["--to", "bag", "--estimator", "vision"], "a bag (--to bag) holds no estimates"),
         ("drawer", ["--to", "sdf"], "run: holds no perceived.yaml or sensors.mcap; run it again"),
         ("pose", ["--to", "sdf"], "run: the application 'clutter' perceives no articulated object"),
     ],

@@ -10,6 +10,7 @@ once that has gone two centimetres, or is not seen any more.
 
 import json
 from collections import Counter, defaultdict
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -22,7 +23,7 @@ MOVED = 0.02  # [m].
 HEAD = ("object", "grasps", "did", "pushes", "did", "moved it", "how the others ended")
 
 
-def row(name: str, actions: list[dict[str, Any]]) -> str:
+def row(name: str, actions: list[Mapping[str, Any]]) -> str:
     """Of the table, of all actions on one thing."""
     by_kind = {kind: [a for a in actions if a["kind"] == kind] for kind in ("grasp", "push")}
     cells = [name]
@@ -39,7 +40,7 @@ def main(
     folders: Annotated[list[Path], typer.Argument(help="Of evaluations, counted together.")],
 ) -> None:
     """Prints the table, the things with most actions first."""
-    by_object = defaultdict[str, list[dict[str, Any]]](list)
+    by_object = defaultdict[str, list[Mapping[str, Any]]](list)
     files = [file for folder in folders for file in sorted(folder.glob("seed-*/summary.json"))]
     for file in files:
         for action in begun(json.loads(file.read_text())):

@@ -1,14 +1,16 @@
 """How exported models reopen and move, and how far they are from the truth.
 
-Recorded episodes are perceived again, each estimator's object is written as SDF, opened in Drake,
-and moved to every configuration that was perceived; the body's pose there is compared with the pose
-that was perceived at that tick. The truth is compared by the metric E of ArticulateArena, here as a
-share of how far a joint that does not move would be from it.
+Episodes are simulated, or recorded ones are perceived again. Each estimator's object is written as
+SDF, opened in Drake, and moved to every configuration that was perceived; the body's pose there is
+compared with the pose that was perceived at that tick. The truth is compared by the metric E of
+ArticulateArena, here as a share of how far a joint that does not move would be from it.
 
+    python -m benchmarks.exported_models drawer tripod --seeds 0:5
     python -m benchmarks.exported_models tests/recordings/*/ runs/a --change modalities=[vision]
 """
 
 from collections.abc import Iterator, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Annotated
 
@@ -19,10 +21,12 @@ from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 
 from crossmodal.diagrams.applications import load_scenario
+from crossmodal.diagrams.evaluation.seeds import parse_seeds
 from crossmodal.diagrams.joints.joint_metrics import bodies_of
 from crossmodal.diagrams.joints.joint_truth import Truth, truth_of_ticks
 from crossmodal.diagrams.joints.perceived_object import body_name
 from crossmodal.diagrams.run.application import Application
+from crossmodal.diagrams.run.episode import run_episode
 from crossmodal.diagrams.run.record import EpisodeRecord, Tick
 from crossmodal.diagrams.run.replay import check_recorded, replay
 from crossmodal.maths import se3
@@ -121,11 +125,16 @@ def score(found: ArticulatedObject, truth: Truth) -> float:
     return float(distance / cost_to_fixed((true.u.data, true.v.data), norm))
 
 
-def measured(folder: Path, changes: Sequence[str] = ()) -> Iterator[str]:
+def replayed(folder: Path, changes: Sequence[str]) -> Iterator[str]:
     """A line for each estimator of a recorded run."""
-    application, scenario = load_scenario(str(check_recorded(folder, changes)), changes)
-    record = replay(application, folder, scenario)
-    yield from lines(folder.name, application, record)
+    application, scenario = load_scenario(str(check_recorded(folder)), changes)
+    yield from lines(folder.name, application, replay(application, folder, scenario))
+
+
+def simulated(name: str, seed: int, changes: Sequence[str]) -> Iterator[str]:
+    """A line for each estimator of an episode of a scenario."""
+    application, scenario = load_scenario(name, [f"seed={seed}", *changes])
+    yield from lines(f"{name}, seed {seed}", application, run_episode(application, scenario))
 
 
 def lines(title: str, application: Application, record: EpisodeRecord) -> Iterator[str]:
@@ -149,14 +158,22 @@ def lines(title: str, application: Application, record: EpisodeRecord) -> Iterat
 
 
 def main(
-    folders: list[Path],
-    change: Annotated[list[str] | None, typer.Option(help="KEY.PATH=VALUE of the replay.")] = None,
+    what: Annotated[list[str], typer.Argument(help="Scenarios, and folders of recorded runs.")],
+    seeds: Annotated[str, typer.Option(help="Of the scenarios, like 0:5.")] = "0",
+    change: Annotated[list[str] | None, typer.Option(help="KEY.PATH=VALUE, repeatable.")] = None,
 ) -> None:
+    """Prints a line for each estimator of each episode."""
     print("                                                         off [deg]      off [mm]")
     print("run                    estimator       joint      ticks median    max median    max"
           " E/E(fixed)")  # fmt: skip
-    for folder in folders:
-        for line in measured(folder, change or []):
+    for name in what:
+        if Path(name).is_dir():
+            found = replayed(Path(name), change or [])
+        else:
+            found = chain.from_iterable(
+                simulated(name, seed, change or []) for seed in parse_seeds(seeds)
+            )
+        for line in found:
             print(line, flush=True)
 
 

@@ -10,6 +10,7 @@ covariance is wrong.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -207,9 +208,9 @@ def simulate_case(case: Case, seed: int) -> RobustnessStream:
         measured.append(X @ se3.exp(error))
         if not case.has_rotation(frames[k]):
             measured[-1][:3, :3] = np.eye(3)
-    seen = np.array([case.has_rotation(frame) for frame in frames])
+    seen = np.array([case.has_rotation(int(frame)) for frame in frames])
     covariances = np.tile(case.covariance, (frames.size, 1, 1))
-    covariances[np.ix_(~seen, [0, 1, 2], [0, 1, 2])] += np.diag([np.inf] * 3)
+    covariances[~seen, :3, :3] += np.diag([np.inf] * 3)
     return RobustnessStream(
         times=np.arange(frames.size) / (RATE * case.held),
         covariances=covariances,
@@ -286,7 +287,11 @@ def _cases_of_table(door: Case, drawer: Case, rigid: Case) -> list[Case]:
         replace(door, name="hinge at 3 m", motion=_steady(0.15, 20), radius=3.0, duration=20.0),
         replace(door, name="hinge at 10 m", motion=_steady(0.06, 20), radius=10.0, duration=20.0),
     ]
-    fine = {"bend": 2e-3, "translation_noise": 1e-3, "rotation_noise": float(deg(0.3))}
+    fine: dict[str, Any] = {
+        "bend": 2e-3,
+        "translation_noise": 1e-3,
+        "rotation_noise": float(deg(0.3)),
+    }
     cases += [
         replace(door, name="door, bent by 2 mm, 1 mm", **fine),
         replace(drawer, name="drawer, bent by 2 mm, 1 mm", motion=_steady(0.4, 12), **fine),
@@ -295,7 +300,6 @@ def _cases_of_table(door: Case, drawer: Case, rigid: Case) -> list[Case]:
 
 
 def _cases_of_trackers(door: Case, drawer: Case, rigid: Case) -> list[Case]:
-    still = {"name": "rigid, a rotation in every fifth frame", "rotations": 5}
     return [
         *[
             replace(c, name=f"{c.name}, errors correlated over 0.5 s", correlation_time=0.5)
@@ -303,7 +307,7 @@ def _cases_of_trackers(door: Case, drawer: Case, rigid: Case) -> list[Case]:
         ],
         *[replace(c, name=f"{c.name}, each pose sent 4 times", held=4) for c in (door, rigid)],
         *[replace(c, name=f"{c.name}, positions alone", rotations=0) for c in (door, drawer)],
-        replace(rigid, **still),
+        replace(rigid, name="rigid, a rotation in every fifth frame", rotations=5),
     ]
 
 
@@ -338,7 +342,7 @@ def plain_cases(outliers: float | None = None) -> list[Case]:
 def wandering_cases() -> list[Case]:
     """Nine motions as trackers see them whose rotations err smoothly, by more than they report."""
     deg = np.deg2rad
-    base = {"rotation_noise": float(deg(0.2)), "duration": 12.0}
+    base: dict[str, Any] = {"rotation_noise": float(deg(0.2)), "duration": 12.0}
     door = Case(
         name="door", joint="revolute", accepted=("revolute",), motion=_steady(deg(85), 12), **base
     )

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
@@ -69,11 +70,12 @@ def differences(expected: pd.DataFrame, came: pd.DataFrame) -> list[str]:
     estimates = _differ(both["estimate"], both["estimate_came"], allowed)
     stds = _differ(both["std"], both["std_came"], allowed)
     changed = both[estimates | stds | (both["where"] != "both")]
+    rows: Any = changed.itertuples()
     lines = [
         f"{row.time:8.4f}  {' '.join((row.modality, row.quantity, row.component)).strip():48s}"
         f"  {_said(row.where != 'right_only', row.estimate, row.std):26s}"
         f"  {_said(row.where != 'left_only', row.estimate_came, row.std_came)}"
-        for row in changed.itertuples()
+        for row in rows
     ]
     heading = f"{'time [s]':8s}  {'of what':48s}  {'expected':26s}  came"
     return [heading, *lines] if lines else []

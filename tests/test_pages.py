@@ -18,6 +18,7 @@ from crossmodal.diagrams.applications import experiments, find_scenario, load_sc
 from crossmodal.diagrams.command_line import app
 from crossmodal.diagrams.crossmodal.studies.ablations import ABLATIONS
 from crossmodal.diagrams.evaluation.seeds import parse_seeds
+from crossmodal.diagrams.run.episode import build_station, output_ports
 from crossmodal.systems.port_values import JointType
 
 ROOT = Path(__file__).parents[1]
@@ -118,16 +119,25 @@ def _check_command(words: list[str]) -> None:
         if model is not None and not str(model).startswith("my"):
             assert (ROOT / model).is_file(), words
         if model is None:
-            load_scenario(taken["scenario"], overrides)
+            _check_scenario(taken["scenario"], overrides)
         else:
             find_scenario(taken["scenario"])
     elif words[0] == "replay":
-        load_scenario("drawer", overrides)
+        _check_scenario("drawer", overrides)
     elif words[0] == "evaluate":
         assert taken["experiment"] in ("all", *experiments()), words
         parse_seeds(taken["seeds"])
     elif words[0] == "ablate":
         assert set(taken.get("names") or []) <= set(ABLATIONS), words
+
+
+def _check_scenario(name: str, overrides: list[str]) -> None:
+    """Loads it, and looks up the streams that fail."""
+    application, scenario = load_scenario(name, overrides)
+    failing = {fault.stream for fault in scenario.disturbances.faults}
+    if failing:
+        ports = output_ports(build_station(application, scenario).diagram)
+        assert failing <= {port.get_name() for port in ports}, (name, overrides)
 
 
 def _instead_of_running(command: Any, taken: dict[str, Any]) -> None:

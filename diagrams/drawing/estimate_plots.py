@@ -82,6 +82,8 @@ def draw_estimates(
         name = quantity.replace("_", " ")
         all_axes[0].set_title(f"{name}: estimate minus truth" if errors else name)
         all_axes[-1].set_xlabel(TIME)
+        if ticks.size > 1:  # Also where nobody knew anything.
+            all_axes[-1].set_xlim(ticks[0], ticks[-1])
         handles, labels = max((axes.get_legend_handles_labels() for axes in all_axes), key=len)
         title = "band: 2σ as reported; n = 1 episode"
         figure.legend(handles, labels, loc="outside lower center", ncols=4, title=title)

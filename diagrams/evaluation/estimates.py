@@ -16,6 +16,7 @@ from crossmodal.maths.arrays import Array
 
 COLUMNS = ("time", "modality", "quantity", "component", "estimate", "std", "covariance", "truth")
 _XYZ = ("x", "y", "z")
+_ROUNDING = 1e-9  # Of a variance, as a share of the largest one beside it.
 # Quantity, component, estimate, its standard deviation, row of the covariance, and truth.
 Row = tuple[str, str, float, float, list[float], float]
 
@@ -36,8 +37,19 @@ def vector(quantity: str, value: Array, covariance: Array, true: Array) -> list[
     """A row of each component of a vector (n,) with its covariance (n, n) and the true one (n,).
 
     Those of a vector of at most three are x, y and z, those of a longer one are numbered from 0.
+
+    Raises:
+        ValueError: if the shapes do not belong together, or a variance is negative.
     """
-    std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    size = len(value)
+    for name, array, shape in (("covariance", covariance, (size, size)), ("truth", true, (size,))):
+        if np.shape(array) != shape:
+            text = f"'{quantity}' has {size} components and a {name} of shape {np.shape(array)}"
+            raise ValueError(f"{text}; it is to be {shape}")
+    variances = np.diag(covariance)
+    if np.any(variances < -_ROUNDING * np.max(np.abs(variances), initial=0.0)):
+        raise ValueError(f"'{quantity}' has a negative variance: {variances.min():g}")
+    std = np.sqrt(np.maximum(variances, 0.0))
     components = _XYZ if len(value) <= len(_XYZ) else tuple(map(str, range(len(value))))
     return [
         (quantity, components[i], value[i], std[i], covariance[i].tolist(), true[i])
@@ -80,9 +92,10 @@ def evaluate_rows(
 
     For each estimator the summary holds, by quantity and component: `final_error`, `rms_error`, and
     `inside_two_sigma`, the share of the ticks whose error lies within two reported deviations; NaN
-    where the truth, or what is reported, is unknown. An episode in which an estimator's quantity is
-    never a number has failed. A picture of each quantity shows estimate minus truth with the
-    reported deviation, or the estimate where no truth is known.
+    where the truth, or what is reported, is unknown. `estimated` is the share of its rows that are
+    numbers. An episode that ends without a number for an estimator's quantity has failed: where
+    there is nothing to be estimated, `rows` leaves the row out. A picture of each quantity shows
+    estimate minus truth with the reported deviation, or the estimate where no truth is known.
 
     Args:
         rows: From an estimator's name, its tick and the station's at the same instant to rows of
@@ -111,26 +124,37 @@ def evaluate_rows(
             "final_error": float(found["error"].iloc[-1]),
             "rms_error": float(np.sqrt(np.mean(found["error"] ** 2))),
             "inside_two_sigma": float(found["inside"].mean()),
+            "estimated": float(np.isfinite(found["estimate"].astype(float)).mean()),
             "unit": units.get(str(quantity), ""),
         }
     for quantity in table["quantity"].cat.categories:
         if quantity not in units:
             text = f"quantity '{quantity}' has no unit: name it in `units`, '' where there is none"
             warnings.warn(text, EvaluationWarning, stacklevel=2)
-    known = table.assign(known=np.isfinite(table["estimate"].astype(float)))
-    ever = known.groupby(["modality", "quantity"], observed=True)["known"].any()
-    never = [f"'{quantity}' of '{name}'" for name, quantity in ever.index[~ever]]
     plots = {
         f"{quantity}.png": partial(_draw, table, str(quantity), units.get(str(quantity), ""))
         for quantity in table["quantity"].cat.categories
     }
     return Results(
-        failure=f"{never[0]} is never a number" if never else failure(record, table),
+        failure=_lost(table) or failure(record, table),
         estimates=table,
         summary={"modalities": modalities},
         plots=plots,
         report=_report,
     )
+
+
+def _lost(table: pd.DataFrame) -> str | None:
+    """Which quantity is no number at the end, and since when."""
+    is_number = table.assign(number=np.isfinite(table["estimate"].astype(float)))
+    for (name, quantity), found in is_number.groupby(["modality", "quantity"], observed=True):
+        numbers = found.groupby("time")["number"].all()
+        if not numbers.any():
+            return f"'{quantity}' of '{name}' is never a number"
+        if not numbers.iloc[-1]:
+            since = numbers.index[numbers.to_numpy().nonzero()[0][-1] + 1]
+            return f"'{quantity}' of '{name}' is no number from {since:.2f} s on"
+    return None
 
 
 def _draw(table: pd.DataFrame, quantity: str, unit: str) -> Any:
@@ -158,9 +182,11 @@ def _report(summary: Mapping[str, Any]) -> list[str]:
             )
             share = errors["inside_two_sigma"]
             inside = "-" if share is None else fixed(100.0 * share, 0)
+            missing = 1.0 - errors["estimated"]
+            without = f", no number in {fixed(100.0 * missing, 0)} % of them" if missing else ""
             lines.append(
                 f"{name}: {quantity} {final} off at the end, {rms} RMS,"
-                f" {inside} % of the ticks inside two reported deviations"
+                f" {inside} % of the ticks inside two reported deviations{without}"
             )
     return lines
 

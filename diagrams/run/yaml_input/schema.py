@@ -37,8 +37,9 @@ def one_line(error: BaseException | str) -> str:
 def suggestion(word: str, allowed: Iterable[str]) -> str:
     """Says which of `allowed` was probably meant, and lists them all."""
     names = sorted(allowed)
-    near = difflib.get_close_matches(word, names, n=1, cutoff=0.5)
+    near = difflib.get_close_matches(word, names, n=3, cutoff=0.5)
     near += [name for name in names if word and name.startswith(word)]
+    near.sort(key=lambda name: name.split("_")[0] != word.split("_")[0])  # depth_, pressure_, ...
     hint = f"did you mean '{near[0]}'? " if near else ""
     return f"{hint}allowed: {', '.join(names) or 'none'}"
 

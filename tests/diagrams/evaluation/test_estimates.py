@@ -138,6 +138,32 @@ def test_an_estimate_that_is_never_a_number_is_no_success() -> None:
     assert evaluate_rows(record(), rows, UNITS).failure is None
 
 
+def test_an_estimate_that_is_lost_on_the_way_is_no_success() -> None:
+    first, *later = (tick.time for tick in record().station)
+
+    def lost(estimator: str, tick: Tick, station: Tick) -> list[Row]:
+        return [scalar("angle", 1.0 if station.time == first else np.nan, true=1.0, std=1.0)]
+
+    results = evaluate_rows(record(), lost, UNITS)
+    assert results.failure == f"'angle' of 'left' is no number from {later[0]:.2f} s on"
+    assert "no number in 67 % of them" in "\n".join(results.report(without_nan(results.summary)))
+
+
+@pytest.mark.parametrize(
+    ("covariance", "true", "reason"),
+    [
+        (np.eye(4), np.zeros(2), r"'p' has 2 components and a covariance of shape \(4, 4\)"),
+        (np.eye(2), np.zeros(3), r"'p' has 2 components and a truth of shape \(3,\)"),
+        (-np.eye(2), np.zeros(2), "'p' has a negative variance: -1"),
+    ],
+)
+def test_a_covariance_that_cannot_be_one_is_refused(
+    covariance: np.ndarray, true: np.ndarray, reason: str
+) -> None:
+    with pytest.raises(ValueError, match=reason):
+        vector("p", np.zeros(2), covariance, true)
+
+
 def test_an_application_may_say_why_its_task_was_not_done() -> None:
     results = evaluate_rows(
         record(), rows, UNITS, failure=lambda record, table: f"{len(table)} rows"

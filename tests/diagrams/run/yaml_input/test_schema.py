@@ -181,4 +181,6 @@ def test_overrides_that_lead_nowhere_are_refused(assignment: str, expected: str)
 def test_a_suggestion_names_the_nearest_and_all() -> None:
     assert suggestion("drawr", ["door", "drawer"]) == "did you mean 'drawer'? allowed: door, drawer"
     assert suggestion("x", []) == "allowed: none"
+    streams = ["depth_measured", "pressure_window"]
+    assert "mean 'pressure_window'?" in suggestion("pressure_measured", streams)
     assert one_line("a\n  b") == "a b"

@@ -7,11 +7,13 @@
 
 - `estimate`: the joint of one body, from arrays; `read_track` and `estimate_track` from a file.
 - `estimate_repeats`: one joint from several tracks of one object.
+- `doubts`: what of an estimate's input looks like a mistake, in sentences.
 - `relative_track`: of a body on a parent that moves, too.
 - `to_urdf`, `to_sdf`: the joint as a model.
 """
 
 from crossmodal.systems.port_values import JointType
+from crossmodal.systems.pose_tracks.doubts import doubts
 from crossmodal.systems.pose_tracks.joint_estimate import JointEstimate, estimate, estimate_track
 from crossmodal.systems.pose_tracks.joint_model import to_sdf, to_urdf
 from crossmodal.systems.pose_tracks.pose_track import PoseTrack, pose_track, relative_track
@@ -22,6 +24,7 @@ __all__ = [
     "JointEstimate",
     "JointType",
     "PoseTrack",
+    "doubts",
     "estimate",
     "estimate_repeats",
     "estimate_track",

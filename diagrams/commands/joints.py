@@ -59,6 +59,9 @@ def joints_command(
         float | None, typer.Option(help="Of the poses, where the file has no times, [Hz].")
     ] = None,
     scale: Annotated[float, typer.Option(help="Metres per unit of the positions.")] = 1.0,
+    time_scale: Annotated[
+        float, typer.Option(help="Seconds per unit of the times; stamps since 1970 need none.")
+    ] = 1.0,
     to: Annotated[str, typer.Option(metavar="urdf|sdf", help="Write the joint as a model.")] = "",
     out: Annotated[Path | None, typer.Option(help="Folder. [default: runs/joints/FILE]")] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace its results.")] = False,
@@ -73,6 +76,7 @@ def joints_command(
         from crossmodal.diagrams.run.folder.run_folder import write_text
         from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
         from crossmodal.systems.object_models.model_text import as_name
+        from crossmodal.systems.pose_tracks.doubts import doubts
         from crossmodal.systems.pose_tracks.joint_model import to_sdf, to_urdf
         from crossmodal.systems.pose_tracks.pose_track import (
             PoseTrack,
@@ -98,7 +102,9 @@ def joints_command(
         try:
 
             def read(file: Path, topic: str) -> PoseTrack:
-                track = read_track(file, columns=named, rate=rate, scale=scale, topic=topic)
+                track = read_track(
+                    file, columns=named, rate=rate, scale=scale, time_scale=time_scale, topic=topic
+                )
                 return track if given is None else with_given(track, given)
 
             tracks = [read(file, topic) for file in files]
@@ -109,12 +115,13 @@ def joints_command(
                 [from_its_start(track) for track in tracks],
                 progress=lambda poses: tqdm(poses, "poses", leave=False, disable=None),
             )
+            notes = doubts(found)
             writer = writers[to]
             model = writer(found, as_name(files[0].stem)) if writer is not None else ""
         except ValueError as error:
             raise ScenarioError(str(error)) from None
-        typer.echo("\n".join(described(found)))
-        paths = write_results(found, folder, files[0].stem)
+        typer.echo("\n".join([*described(found), *(f"note: {note}" for note in notes)]))
+        paths = write_results(found, notes, folder, files[0].stem)
         if model:
             paths.append(write_text(folder / f"joint.{to}", model))
         typer.echo("\nFiles:\n" + "\n".join(f"  {path}" for path in paths))

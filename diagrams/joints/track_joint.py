@@ -1,5 +1,6 @@
 """What is told, drawn and written of a joint that was estimated from a track."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +14,6 @@ from crossmodal.diagrams.joints.joint_palette import JOINT
 from crossmodal.maths.arrays import Array
 from crossmodal.systems.port_values import JointType
 from crossmodal.systems.pose_tracks.joint_estimate import JointEstimate
-
-_CERTAIN_FIT = 3.0  # A reduced chi-square that many times its bound is no chance.
 
 
 def in_units(found: JointEstimate) -> tuple[str, float]:
@@ -48,8 +47,6 @@ def described(found: JointEstimate) -> list[str]:
         outliers = 100.0 * fit.outlier_share
         lines.append(f"fit: chi-square {fit.reduced_chi_square:.2f} per degree, {outliers:.1f} %"
                      " outliers")  # fmt: skip
-        if fit.reduced_chi_square > _CERTAIN_FIT * fit.bounds[1]:
-            lines.append("the poses do not follow this joint: do not trust its deviations")
     if belief.skipped:
         counts = ", ".join(f"{reason} {count}" for reason, count in belief.skipped.items())
         lines.append(f"not used: {counts}")
@@ -60,8 +57,8 @@ def _vector(vector: Array) -> str:
     return "(" + ", ".join(f"{value:+.4f}" for value in vector) + ")"
 
 
-def as_values(found: JointEstimate) -> dict[str, Any]:
-    """The joint as plain values for YAML; SI units."""
+def as_values(found: JointEstimate, notes: Sequence[str]) -> dict[str, Any]:
+    """The joint as plain values for YAML, and notes on it; SI units."""
     belief, model = found.belief, found.model
 
     def plain(array: Array) -> Any:
@@ -75,6 +72,7 @@ def as_values(found: JointEstimate) -> dict[str, Any]:
             "skipped": {str(reason): int(count) for reason, count in belief.skipped.items()},
         },
         "deviations": plain(np.median(found.track.deviations, axis=0)),
+        "notes": list(notes),
     }
     if belief.fit is not None:
         values["fit"] = {
@@ -140,14 +138,16 @@ def drawn(found: JointEstimate, title: str) -> Figure:
     return figure
 
 
-def write_results(found: JointEstimate, folder: Path, title: str) -> list[Path]:
+def write_results(
+    found: JointEstimate, notes: Sequence[str], folder: Path, title: str
+) -> list[Path]:
     """`joint.yaml`, `configuration.csv` and `configuration.png` in a folder."""
     import yaml
 
     from crossmodal.diagrams.drawing.plot_style import save
     from crossmodal.diagrams.run.folder.run_folder import write_atomically, write_text
 
-    text = yaml.safe_dump(as_values(found), sort_keys=False, default_flow_style=None)
+    text = yaml.safe_dump(as_values(found, notes), sort_keys=False, default_flow_style=None)
     figure = drawn(found, title)
     table = as_table(found)
     return [

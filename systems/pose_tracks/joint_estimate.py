@@ -15,6 +15,7 @@ from crossmodal.systems.object_models.articulated_object import screw_of
 from crossmodal.systems.port_values import JointBelief, JointModelBelief, JointType
 from crossmodal.systems.pose_tracks.pose_track import (
     PoseTrack,
+    in_order_of_time,
     pose_track,
     relative_track,
     with_deviations,
@@ -141,7 +142,7 @@ def estimate(
     """The joint that moves a body B relative to P, from B's poses over time.
 
     Args:
-        times: (N,), [s].
+        times: (N,), [s]. Where they are not sorted the poses are, also in what is returned.
         X_PB: Poses (N, 4, 4), positions with quaternions (N, 7) (x, y, z, qx, qy, qz, qw), or
             positions alone (N, 3), [m].
         deviations: Standard deviations of the measurements, (2,) for rotation [rad] and translation
@@ -152,7 +153,7 @@ def estimate(
         progress: Wraps the loop over the poses, as `tqdm` does.
 
     Raises:
-        ValueError: for arrays of other shapes, and for a track without any pose.
+        ValueError: for arrays of other shapes, and for a track of less than two poses.
     """
     track = pose_track(times, X_PB, deviations)
     if X_AP is not None:
@@ -164,10 +165,10 @@ def estimate_track(
     track: PoseTrack, config: JointFiltersConfig | None = None, progress: Progress = iter
 ) -> JointEstimate:
     """The joint of a track; see `estimate`."""
-    track = with_deviations(track)
+    track = with_deviations(in_order_of_time(track))
     known = np.isfinite(track.X_AB).all(axis=(1, 2)) & np.isfinite(track.times)
-    if not known.any():
-        raise ValueError("the track has no pose without NaN")
+    if known.sum() < 2:
+        raise ValueError("the track has less than two poses without NaN")
     first = int(np.argmax(known))
     filters = JointFilters(config or JointFiltersConfig())
     R = [np.diag(sigma**2) for sigma in track.deviations]

@@ -14,6 +14,7 @@ from crossmodal.maths.immutable import Immutable
 _LEAST = np.repeat([1e-3, 1e-4], 3)  # [rad], [m]
 # Variance of the distance of a measurement from the mean of its two neighbours, by that of one.
 _SECOND_DIFFERENCE = 1.5
+_JUMPS = 0.1  # Of the steps in time, at most, that go back because a clock has jumped.
 _STAMPS = 1e8  # Larger times are stamps since 1970, [s].
 _MEDIAN_OF_TWO = 2.0 * np.log(2.0)  # Median of the sum of two squared standard normal variables.
 
@@ -28,11 +29,13 @@ class PoseTrack(Immutable):
             measured.
         deviations: (N, 6) standard deviations in B, rotation [rad] before translation [m]; infinite
             where nothing is measured. NaN where they are not known.
+        notes: Sentences about how it was read.
     """
 
     times: Array
     X_AB: Array
     deviations: Array
+    notes: tuple[str, ...] = ()
 
     @property
     def has_rotations(self) -> bool:
@@ -94,6 +97,20 @@ def _matrices(poses: Array) -> Array:
     return X
 
 
+def in_order_of_time(track: PoseTrack) -> PoseTrack:
+    """The track as it is, or sorted where its times go back more often than a clock that jumps."""
+    steps = np.diff(track.times)
+    if not len(steps) or np.mean(steps < 0.0) <= _JUMPS:
+        return track
+    order = np.argsort(track.times, kind="stable")
+    return PoseTrack(
+        times=track.times[order],
+        X_AB=track.X_AB[order],
+        deviations=track.deviations[order],
+        notes=(*track.notes, "the poses were not in the order of their times, and were sorted"),
+    )
+
+
 def with_given(track: PoseTrack, deviations: Array) -> PoseTrack:
     """The track with the same deviations (2,) of all poses, rotation [rad] and translation [m].
 
@@ -101,7 +118,7 @@ def with_given(track: PoseTrack, deviations: Array) -> PoseTrack:
         ValueError: for deviations that are not positive.
     """
     poses = track.X_AB if track.has_rotations else track.X_AB[:, :3, 3]
-    return pose_track(track.times, poses, deviations)
+    return replace(pose_track(track.times, poses, deviations), notes=track.notes)
 
 
 def from_its_start(track: PoseTrack) -> PoseTrack:
@@ -176,4 +193,5 @@ def relative_track(parent: PoseTrack, child: PoseTrack) -> PoseTrack:
         Ad = se3.adjoint(se3.inverse(X))
         added = np.sqrt(np.diag(Ad @ np.diag(of_parent**2) @ Ad.T))
         deviations[k] = np.hypot(child.deviations[inside][k], added)
-    return PoseTrack(times=at, X_AB=X_PB, deviations=deviations)
+    notes = tuple(dict.fromkeys((*parent.notes, *child.notes)))
+    return PoseTrack(times=at, X_AB=X_PB, deviations=deviations, notes=notes)

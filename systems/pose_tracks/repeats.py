@@ -37,7 +37,7 @@ def estimate_repeats(
         progress: Wraps the loop over the poses of each track.
 
     Raises:
-        ValueError: for no track, and for one without any pose.
+        ValueError: for no track, and for one of less than two poses.
     """
     if not tracks:
         raise ValueError("no track; need one or more")
@@ -45,9 +45,17 @@ def estimate_repeats(
     if len(each) == 1:
         return each[0]
     belief = joined_belief([one.belief for one in each], (config or JointFiltersConfig()))
+    notes = [note for one in each for note in one.track.notes]
+    types = {one.type for one in each}
+    if len(types) > 1 or JointType.DISCONNECTED in types:
+        alone = ", ".join(f"{one.type} (p = {one.probability:.3f})" for one in each)
+        notes.append(
+            f"alone the tracks show {alone}: are they repeats of one motion? Poses of what the body"
+            " is joined to are those of its parent (--parent, X_AP)"
+        )
     parts = [(one.track.times, one.track.X_AB, one.track.deviations) for one in each]
     times, X_AB, deviations = (np.concatenate(part) for part in zip(*parts, strict=True))
-    track = PoseTrack(times=times, X_AB=X_AB, deviations=deviations)
+    track = PoseTrack(times=times, X_AB=X_AB, deviations=deviations, notes=tuple(notes))
     nothing = np.full(len(times), np.nan)
     first = next((one for one in each if one.type == belief.type), None)
     joined = JointEstimate(

@@ -3,6 +3,7 @@
 import csv
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -30,6 +31,7 @@ _NO_POSITION = {
 }
 _FRACTION = ("nsecs", "nsec", "nanosec", "nanosecs", "nanoseconds")  # Beside a column of seconds.
 _POSITION, _QUATERNION = ("x", "y", "z"), ("qx", "qy", "qz", "qw")
+_TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}  # As in `time_ms`.
 # Seconds since 1970 are about 1.7e9; stamps that are a thousand times as large are milliseconds.
 _UNITS = ((1e17, 1e-9), (1e14, 1e-6), (1e11, 1e-3))
 _LARGEST_FILE = 500_000_000  # [bytes]
@@ -41,12 +43,13 @@ def read_track(
     columns: Mapping[str, str] | None = None,
     rate: float | None = None,
     scale: float = 1.0,
+    time_scale: float = 1.0,
     topic: str = "",
 ) -> PoseTrack:
     """The poses of a file, at the times that it says, [s].
 
     - A CSV file with a header: columns of time, position and quaternion are found by their names,
-      such as `t`, `x`, `qw` or `field.pose.position.x`.
+      such as `t`, `time_ms`, `x`, `qw` or `field.pose.position.x`.
     - A TUM trajectory: `t x y z qx qy qz qw`, without a header.
     - Columns of numbers `t x y z`, or, with a rate, `x y z` or `x y z qx qy qz qw`.
     - A ROS 1 bag, a ROS 2 bag or an MCAP file with stamped poses or transforms, odometry or TF.
@@ -60,14 +63,16 @@ def read_track(
             not found.
         rate: Of the poses, where the file has no times, [Hz].
         scale: Metres per unit of the positions; 0.001 for millimetres.
+        time_scale: Seconds per unit of the times, as long as they are not since 1970.
         topic: Of a bag with several topics of poses; of TF `TOPIC:CHILD`, a frame in its parent.
 
     Raises:
         ValueError: for a file that is none of these, in one line that names it.
         OSError: where it cannot be read.
     """
-    if not (np.isfinite(scale) and scale > 0.0):
-        raise ValueError(f"scale = {scale:g}, need above 0")
+    for name, value in (("scale", scale), ("time scale", time_scale)):
+        if not (np.isfinite(value) and value > 0.0):
+            raise ValueError(f"{name} = {value:g}, need above 0")
     if is_recording(path):
         if columns or rate is not None:
             raise ValueError(f"{path}: is a bag, in which columns and a rate name nothing")
@@ -96,11 +101,14 @@ def read_track(
     table = _numbers(path, cells[1:] if header else cells, lines)
     if header is None and columns:
         raise ValueError(f"{path}: has no header, so that columns cannot be named")
+    notes = []
     if header:
         found = _by_name(path, header, columns or {})
         data = {name: table[:, index] for name, index in found.items()}
         rotations = all(name in data for name in _QUATERNION)
         times = data.get("time")
+        if times is not None:
+            time_scale *= _TIME_UNITS.get(_parts(header[found["time"]])[-1], 1.0)
         fraction = next(
             (i for i, name in enumerate(header) if name.lower().endswith(_FRACTION)), None
         )
@@ -108,14 +116,24 @@ def read_track(
             times = times + 1e-9 * table[:, fraction]
         names = (*_POSITION, *_QUATERNION) if rotations else _POSITION
         poses = np.column_stack([data[name] for name in names])
+        unused = [name for index, name in enumerate(header) if index not in found.values()]
+        if unused and not rotations:
+            notes.append(
+                f"no rotations were read, which are quaternions qx, qy, qz, qw; not used:"
+                f" {', '.join(unused)}"
+            )
     else:
         times, poses = _by_count(path, table, rate)
     if times is None:
         if rate is None:
-            raise ValueError(f"{path}: has no column of times; name it, or give the rate")
+            has = f"has {', '.join(header or [])}. " if header else ""
+            raise ValueError(
+                f"{path}: no column is the time; {has}Name it, as in --columns time=NAME, or give"
+                " the --rate"
+            )
         times = np.arange(len(poses)) / rate
     poses[:, :3] *= scale
-    return pose_track(_seconds(times), poses)
+    return replace(pose_track(_seconds(times, time_scale), poses), notes=tuple(notes))
 
 
 def _split(row: str, separator: str | None) -> list[str]:
@@ -170,7 +188,9 @@ def _by_name(path: Path, header: Sequence[str], given: Mapping[str, str]) -> dic
             found[name] = header.index(given[name])
             continue
         for index, column in enumerate(header):
-            parts = [part for part in re.split(r"[^a-z0-9]+", column.lower()) if part]
+            parts = _parts(column)
+            if name == "time" and len(parts) > 1 and parts[-1] in _TIME_UNITS:
+                parts.pop()
             endings = {"".join(parts[-k:]) for k in (1, 2)}
             if name in _POSITION and _NO_POSITION & set(parts[:-1]):
                 continue
@@ -184,6 +204,11 @@ def _by_name(path: Path, header: Sequence[str], given: Mapping[str, str]) -> dic
             f" --columns {missing[0]}=NAME"
         )
     return found
+
+
+def _parts(column: str) -> list[str]:
+    """Of a column's name, in lower case."""
+    return [part for part in re.split(r"[^a-z0-9]+", column.lower()) if part]
 
 
 def _by_count(path: Path, table: Array, rate: float | None) -> tuple[Array | None, Array]:
@@ -201,7 +226,7 @@ def _by_count(path: Path, table: Array, rate: float | None) -> tuple[Array | Non
     )
 
 
-def _seconds(times: Array) -> Array:
-    """Times in seconds, of stamps in units that show by their size."""
+def _seconds(times: Array, scale: float) -> Array:
+    """Times in seconds, of stamps in units that show by their size, and else by a scale."""
     largest = float(np.nanmax(np.abs(times), initial=0.0))
-    return np.asarray(times * next((unit for least, unit in _UNITS if largest > least), 1.0))
+    return np.asarray(times * next((unit for least, unit in _UNITS if largest > least), scale))

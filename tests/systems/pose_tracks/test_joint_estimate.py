@@ -133,7 +133,7 @@ def test_poses_that_are_missing_are_left_out() -> None:
     found = joints.estimate(TIMES, poses)
     assert found.type == joints.JointType.REVOLUTE
     assert np.flatnonzero(np.isnan(found.q)).tolist() == [0, 30, 31]
-    with pytest.raises(ValueError, match="no pose without NaN"):
+    with pytest.raises(ValueError, match="less than two poses without NaN"):
         joints.estimate(TIMES, np.full((len(TIMES), 4, 4), np.nan))
 
 

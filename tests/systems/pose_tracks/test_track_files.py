@@ -30,6 +30,11 @@ FORMS: dict[str, tuple[str, dict]] = {
     "tum": ("# t x y z qx qy qz qw\n" + TUM, {}),
     "tum with byte order mark and carriage returns": ("\ufeff" + TUM.replace("\n", "\r\n"), {}),
     "csv": (_csv("t,x,y,z,qx,qy,qz,qw", T, P, Q), {}),
+    "milliseconds by name": (_csv("time_ms,x,y,z,qx,qy,qz,qw", 1e3 * T, P, Q), {}),
+    "milliseconds as said": (
+        _csv("t,x,y,z,qx,qy,qz,qw", 1e3 * T, P, Q),
+        {"time_scale": 1e-3},
+    ),
     "capitals, semicolons, w first": (
         _csv("Time;QW;QX;QY;QZ;X;Y;Z", T, Q[:, 3:], Q[:, :3], P, separator=";"),
         {},
@@ -127,7 +132,7 @@ def _binary(path: Path) -> None:
         ("1 2 3\n", {}, "no times; give the rate"),
         ("1 2 3 4\n1 2 3\n", {}, "row 2 of 2 has 3 columns, others have 4"),
         ("t,x,y\n1,2,3\n", {}, "no column is z; has t, x, y"),
-        ("x,y,z\n1,2,3\n", {}, "no column of times"),
+        ("x,y,z\n1,2,3\n", {}, "no column is the time; has x, y, z. Name it"),
         ("t,x,y,z\n1,2,3,4\n", {"columns": {"x": "px"}}, "no column 'px'"),
         ("t,x,y,z\n1,2,3,4\n", {"columns": {"u": "x"}}, "'u' is no column of a track"),
         ("1 2 3 4\n", {"columns": {"x": "px"}}, "has no header"),

@@ -26,7 +26,7 @@ from crossmodal.diagrams.run.folder.run_folder import (
 from crossmodal.diagrams.run.own_module import load_module
 from crossmodal.diagrams.run.recorded_scenario import check_replaced
 from crossmodal.diagrams.run.scenario import parse_scenario, read_document
-from crossmodal.diagrams.run.variants import with_files_found
+from crossmodal.diagrams.run.variants import asked_for, with_files_found
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line, suggestion
 
 if TYPE_CHECKING:
@@ -143,7 +143,8 @@ def _load_scenario(
     application = find_application(system, str(path))
     schema = application.scenario
     parsed = parse_scenario(schema, document, path)
-    parsed = replace(parsed, variants=with_files_found(parsed.variants, path))
+    variants = asked_for(parsed.variants, parsed.modalities, overrides)
+    parsed = replace(parsed, variants=with_files_found(variants, path))
     scenario = application.resolve(parsed, path)
     if units_known:
         parse_scenario(schema, document, path, scenario.units)

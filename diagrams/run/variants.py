@@ -99,6 +99,22 @@ def with_variants(names: Sequence[str], variants: Mapping[str, Variant]) -> list
     return [*names, *(name for name in variants if name not in names)]
 
 
+def asked_for(
+    variants: Mapping[str, Variant], modalities: Sequence[str], overrides: Sequence[str]
+) -> dict[str, Variant]:
+    """The variants that run: where an override names the estimators, no other one of the file's.
+
+    Args:
+        modalities: Names of the scenario's estimators.
+        overrides: Assignments `key.path=value` that were made to it.
+    """
+    keys = [assignment.partition("=")[0].strip() for assignment in overrides]
+    if "modalities" not in keys:
+        return dict(variants)
+    made = {key.split(".")[1] for key in keys if key.startswith("variants.")}
+    return {name: variants[name] for name in variants if name in {*modalities, *made}}
+
+
 def with_files_found(variants: Mapping[str, Variant], path: Path) -> dict[str, Variant]:
     """The variants with absolute paths: of a file beside the scenario's, or in the current folder.
 

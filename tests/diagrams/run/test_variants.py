@@ -91,6 +91,9 @@ def test_a_runs_folder_keeps_the_filters_file_and_runs_again_by_it(here: Path) -
     assert kept.read_text() == OF_OURS
     again = load_scenario(str(here / "run" / SCENARIO_FILE))[1]
     assert again.replacements("mine")["hand_bending"].__name__ == "HandBending"
+    assert "mine" in again.modalities
+    without = load_scenario(str(here / "run" / SCENARIO_FILE), ["modalities=[crossmodal]"])[1]
+    assert (without.modalities, dict(without.variants)) == (["crossmodal"], {})
 
 
 def test_an_edited_filter_makes_other_episodes(here: Path) -> None:

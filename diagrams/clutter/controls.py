@@ -19,8 +19,8 @@ def make_controls(scenario: Scenario) -> list[Control]:
     touch = scenario.control.touch
     return [
         *camera_controls(scenario.cameras),
-        _pace("camera's arm", CAMERA_PACE),
-        _pace("touching arm", TOUCH_PACE),
+        _pace("the camera arm", CAMERA_PACE),
+        _pace("the touching arm", TOUCH_PACE),
         *([_pace("grasps and pushes", MOVE_PACE)] if scenario.clutter.count else []),
         Control(
             name="approach of a touch [mm/s]",

@@ -10,6 +10,8 @@ from pydrake.systems.framework import Context, DiagramBuilder, DiscreteValues, L
 from crossmodal.diagrams.run.sensor_streams.stream_faults import faults_of
 from crossmodal.systems.sensors.stream_fault import BY_HAND
 
+_UNREADABLE = frozenset("'\\\n")  # In names: Meshcat's page puts these into its code as they are.
+
 
 class ControlKind(StrEnum):
     """How a value is changed, and what it is written to.
@@ -37,6 +39,9 @@ class Control:
         step: Between two values.
         value: The scenario's.
         factor: By which it is multiplied for the port, whose unit is SI.
+
+    Raises:
+        ValueError: for a name that Meshcat's page cannot read.
     """
 
     name: str
@@ -47,6 +52,17 @@ class Control:
     step: float = 1.0
     value: float = 0.0
     factor: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not _UNREADABLE.isdisjoint(self.name):
+            raise ValueError(
+                f"control {self.name!r}: need a name without ' and \\, or the page cannot write it"
+            )
+
+    @property
+    def silences(self) -> bool:
+        """Whether it writes to a stream, and not to an input of the station."""
+        return self.kind is ControlKind.SILENCE
 
     def written(self, value: float) -> str:
         """Its name with a value, for people."""
@@ -119,7 +135,7 @@ def connect_controls(
         return
     values = builder.AddNamedSystem("controls", ControlValues(controls, read, period))
     for control in controls:
-        if control.kind is ControlKind.SILENCE:
+        if control.silences:
             target = builder.GetSubsystemByName(faults_of(control.port)).GetInputPort(BY_HAND)
         elif station.HasInputPort(control.port):
             target = station.GetInputPort(control.port)

@@ -21,6 +21,6 @@ def make_controls(scenario: Scenario) -> list[Control]:
         Control(name="the hand leaks", port=LEAK, kind=ControlKind.SWITCH),
         silence("depth", "depth_measured"),
         silence("wrist", "wrench_window"),
-        silence("encoders of the arm", "joint_state_window"),
-        silence("pressures of the hand", "pressure_window"),
+        silence("arm encoders", "joint_state_window"),
+        silence("hand pressures", "pressure_window"),
     ]

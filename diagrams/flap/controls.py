@@ -12,7 +12,7 @@ def make_controls(scenario: Scenario) -> list[Control]:
     return [
         *camera_controls(scenario.cameras),
         Control(
-            name="force of the finger [N]", port=SET_FORCE, low=0.05, high=3.0, step=0.05,
+            name="finger force [N]", port=SET_FORCE, low=0.05, high=3.0, step=0.05,
             value=control.force,
         ),
         Control(
@@ -20,7 +20,7 @@ def make_controls(scenario: Scenario) -> list[Control]:
             value=1e3 * control.sequence.feed_speed, factor=1e-3,
         ),
         silence("taxels", "taxel_window"),
-        silence("joints of the finger", "finger_joint_state_window"),
-        silence("joints of the holder", "holder_joint_state_window"),
+        silence("finger joints", "finger_joint_state_window"),
+        silence("holder joints", "holder_joint_state_window"),
         silence("depth", "depth_measured"),
     ]  # fmt: skip

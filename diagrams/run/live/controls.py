@@ -10,7 +10,13 @@ from pydrake.systems.framework import Context, DiagramBuilder, DiscreteValues, L
 from crossmodal.diagrams.run.sensor_streams.stream_faults import faults_of
 from crossmodal.systems.sensors.stream_fault import BY_HAND
 
-_UNREADABLE = frozenset("'\\\n")  # In names: Meshcat's page puts these into its code as they are.
+
+def page_name(name: str) -> str:
+    """A button's or slider's name with typographic quotes.
+
+    Meshcat puts it between straight ones into the page's code, which one within it would end.
+    """
+    return name.replace("\\", "/").replace("'", "\u2019")
 
 
 class ControlKind(StrEnum):
@@ -30,7 +36,7 @@ class Control:
     """A value of a station that a person may change while it runs.
 
     Attributes:
-        name: On the page, with its unit.
+        name: On the page, with its unit; the page has room for about 20 letters.
         kind: How it is changed, and what it is written to.
         port: Input port (1,) of the station, which does as the scenario says without one; of a
             silence the stream, an output port of the station that estimators read.
@@ -39,9 +45,6 @@ class Control:
         step: Between two values.
         value: The scenario's.
         factor: By which it is multiplied for the port, whose unit is SI.
-
-    Raises:
-        ValueError: for a name that Meshcat's page cannot read.
     """
 
     name: str
@@ -53,16 +56,15 @@ class Control:
     value: float = 0.0
     factor: float = 1.0
 
-    def __post_init__(self) -> None:
-        if not _UNREADABLE.isdisjoint(self.name):
-            raise ValueError(
-                f"control {self.name!r}: need a name without ' and \\, or the page cannot write it"
-            )
-
     @property
     def silences(self) -> bool:
         """Whether it writes to a stream, and not to an input of the station."""
         return self.kind is ControlKind.SILENCE
+
+    @property
+    def page_name(self) -> str:
+        """Its name as the page can write it."""
+        return page_name(self.name)
 
     def written(self, value: float) -> str:
         """Its name with a value, for people."""
@@ -87,7 +89,7 @@ class ControlValues(LeafSystem):
 
     Args:
         controls: What can be changed.
-        read: Gives the present value of a slider by its name.
+        read: Gives the present value of a slider by its name on the page.
         period: Of the reading, [s].
     """
 
@@ -113,7 +115,8 @@ class ControlValues(LeafSystem):
 
     def _update(self, context: Context, next_state: DiscreteValues) -> None:
         values = [
-            control.factor * float(np.clip(self._read(control.name), control.low, control.high))
+            control.factor
+            * float(np.clip(self._read(control.page_name), control.low, control.high))
             for control in self._controls
         ]
         next_state.get_mutable_vector().SetFromVector(values)

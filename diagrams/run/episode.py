@@ -381,6 +381,18 @@ def _check_station(
             )
 
 
+def refuse_truth(name: str, estimator: System) -> None:
+    """Refuses an estimator that reads the truth.
+
+    Raises:
+        ScenarioError: naming estimator and port.
+    """
+    for index in range(estimator.num_input_ports()):
+        port = estimator.get_input_port(index).get_name()
+        if port.startswith("cheat_"):
+            raise ScenarioError(f"estimator '{name}' reads '{port}': the truth is not for it")
+
+
 def check_inputs(name: str, estimator: System, source: System, what: str) -> None:
     """Refuses an estimator that reads the truth, or what nobody gives.
 
@@ -390,12 +402,11 @@ def check_inputs(name: str, estimator: System, source: System, what: str) -> Non
     Raises:
         ScenarioError: naming estimator, port, and the ports that there are.
     """
+    refuse_truth(name, estimator)
     there = [port.get_name() for port in output_ports(source)]
     there = [port for port in there if not port.startswith("cheat_")]
     for index in range(estimator.num_input_ports()):
         port = estimator.get_input_port(index).get_name()
-        if port.startswith("cheat_"):
-            raise ScenarioError(f"estimator '{name}' reads '{port}': the truth is not for it")
         if port not in there:
             raise ScenarioError(
                 f"estimator '{name}' reads '{port}', which {what} does not have;"

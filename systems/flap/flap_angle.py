@@ -187,10 +187,10 @@ def with_normal(state: FlapAngleState, plane: FlapPlane) -> FlapAngleState:
         if plane.seen:
             covariance = (plane.covariance + plane.common_covariance)[:3, :3]
             return replace(state, n_W=plane.n_W, n_covariance=covariance)
-        n, covariance = state.n_W, state.n_covariance
-        if n is None or covariance is None:  # It was last seen before it was touched.
-            n, covariance = state.n0_W, state.n0_common + state.P[2, 2] * _across(state.n0_W)
-        return replace(state, n_W=n, n_covariance=covariance + state.P[0, 0] * _across(n))
+        n, spread = state.n_W, state.n_covariance
+        if n is None or spread is None:  # It was last seen before it was touched.
+            n, spread = state.n0_W, state.n0_common + state.P[2, 2] * _across(state.n0_W)
+        return replace(state, n_W=n, n_covariance=spread + state.P[0, 0] * _across(n))
     n = turned_normal(k, state.n0_W, float(state.x[0] + state.x[2]))
     along = np.cross(k, n)
     variance = float(state.P[0, 0] + 2.0 * state.P[0, 2] + state.P[2, 2])

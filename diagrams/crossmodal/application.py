@@ -5,12 +5,12 @@ Source: R. Martín-Martín and O. Brock, Cross-modal interpretation of multi-mod
 interactive perception based on coupled recursion, IROS 2017.
 """
 
+from crossmodal.diagrams.crossmodal.controls import make_controls
 from crossmodal.diagrams.crossmodal.episode_parts import (
     QUANTITIES,
     TOPICS,
     close_loop,
     make_calibration,
-    make_controls,
     make_estimators,
     make_station,
 )

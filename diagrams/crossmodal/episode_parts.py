@@ -20,15 +20,12 @@ from crossmodal.diagrams.crossmodal.station.station import (
     draw_placements,
     make_manipulation_station,
 )
-from crossmodal.diagrams.crossmodal.station.station_control import PERCEIVED_INPUTS, PULL_SPEED
+from crossmodal.diagrams.crossmodal.station.station_control import PERCEIVED_INPUTS
 from crossmodal.diagrams.run.application import Station
 from crossmodal.diagrams.run.calibration import Calibration
-from crossmodal.diagrams.run.live.controls import Control, ControlKind, silence
 from crossmodal.diagrams.run.record import Quantity
 from crossmodal.diagrams.run.sensor_streams.codecs import JOINT_STATES, WRENCHES, Topic
-from crossmodal.diagrams.stations.add_soft_hand import LEAK
 from crossmodal.diagrams.stations.believed_robots import believed_robots
-from crossmodal.diagrams.stations.camera_controls import camera_controls
 from crossmodal.plants.robots.wam import WAM_WITH_SOFT_HAND
 from crossmodal.systems.kinematics.held_joint import HeldJoint, HeldJointConfig
 from crossmodal.systems.port_values import (
@@ -95,25 +92,6 @@ def make_station(scenario: Scenario, calibration: Calibration) -> Station:
     station = make_manipulation_station(scenario, calibration)
     falling = settling(scenario, draw_placements(scenario), station.q_start)
     return replace(station, warnings=[*overlaps(station), *falling])
-
-
-def make_controls(scenario: Scenario) -> list[Control]:
-    """What can be changed on the live page."""
-    speed = scenario.control.exploration.speed
-    pulling = Control(
-        name="pull speed [cm/s]", port=PULL_SPEED, low=0.0, high=6.0, step=0.1, value=100.0 * speed,
-        factor=0.01,
-    )  # fmt: skip
-    pulls = scenario.control.excitation is None
-    return [
-        *camera_controls(scenario.cameras),
-        *([pulling] if pulls else []),
-        Control(name="the hand leaks", port=LEAK, kind=ControlKind.SWITCH),
-        silence("depth", "depth_measured"),
-        silence("wrist", "wrench_window"),
-        silence("arm's encoders", "joint_state_window"),
-        silence("hand's pressures", "pressure_window"),
-    ]
 
 
 def make_estimators(scenario: Scenario, calibration: Calibration) -> dict[str, Diagram]:

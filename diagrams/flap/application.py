@@ -5,13 +5,13 @@ Source: Q. Li, A. Ückermann, R. Haschke and H. Ritter, Estimating an articulate
 via visuo-tactile based robotic interactive manipulation, IROS 2018.
 """
 
+from crossmodal.diagrams.flap.controls import make_controls
 from crossmodal.diagrams.flap.episode_parts import (
     QUANTITIES,
     STATION_QUANTITIES,
     TOPICS,
     close_loop,
     make_calibration,
-    make_controls,
     make_estimators,
 )
 from crossmodal.diagrams.flap.estimator_names import COLORS, LABELS

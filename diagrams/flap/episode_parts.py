@@ -9,14 +9,11 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, System
 from crossmodal.diagrams.flap.estimators import JOINT_STREAMS, SEEN_STREAMS, TAXELS, make_estimator
 from crossmodal.diagrams.flap.robot_config import ROBOTS
 from crossmodal.diagrams.flap.scenario import Scenario
-from crossmodal.diagrams.flap.station.station_control import FEED_SPEED, SET_FORCE
 from crossmodal.diagrams.flap.truth import UNKNOWN_FLAP
 from crossmodal.diagrams.run.calibration import Calibration
-from crossmodal.diagrams.run.live.controls import Control, silence
 from crossmodal.diagrams.run.record import Quantity
 from crossmodal.diagrams.run.sensor_streams.codecs import JOINT_STATES, Topic
 from crossmodal.diagrams.stations.believed_robots import believed_robots
-from crossmodal.diagrams.stations.camera_controls import camera_controls
 from crossmodal.systems.port_values import (
     UNKNOWN_ANGLE,
     UNKNOWN_FINGERTIP,
@@ -67,26 +64,6 @@ def make_calibration(scenario: Scenario) -> Calibration:
     """Camera and arms as scenario and seed place them, and how well that is taken to be known."""
     cameras = scenario.drawn_cameras()
     return believed_robots(scenario, scenario.plant.scene, ROBOTS, cameras, _JOINT_OFFSET)
-
-
-def make_controls(scenario: Scenario) -> list[Control]:
-    """What can be changed on the live page."""
-    control = scenario.control
-    return [
-        *camera_controls(scenario.cameras),
-        Control(
-            name="force of the finger [N]", port=SET_FORCE, low=0.05, high=3.0, step=0.05,
-            value=control.force,
-        ),
-        Control(
-            name="flip speed [mm/s]", port=FEED_SPEED, low=0.0, high=30.0, step=0.5,
-            value=1e3 * control.sequence.feed_speed, factor=1e-3,
-        ),
-        silence("taxels", "taxel_window"),
-        silence("finger's joints", "finger_joint_state_window"),
-        silence("holder's joints", "holder_joint_state_window"),
-        silence("depth", "depth_measured"),
-    ]  # fmt: skip
 
 
 def make_estimators(scenario: Scenario, calibration: Calibration) -> dict[str, Diagram]:

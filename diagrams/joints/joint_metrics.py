@@ -227,7 +227,8 @@ def configuration_since_grasp(joint: JointBelief, truth: Truth, time: float) -> 
 
     That of a rigid joint does not change; of what is disconnected it is NaN. Which of two bodies
     that are only seen carries the other is a convention: `KinematicModel` goes by which was found
-    first. Their configuration counts the way that fits the truth.
+    first. Their configuration counts the way that fits the truth; so does every one where only the
+    true position is known and not the axis.
     """
     start = travel_at_reference(joint, time, truth)
     if joint.type == JointType.RIGID:
@@ -235,7 +236,8 @@ def configuration_since_grasp(joint: JointBelief, truth: Truth, time: float) -> 
     if joint.type == JointType.DISCONNECTED:
         return math.nan
     q = axis_sign(joint.model.axis_P, truth.axis_W) * float(joint.model.configuration[0])
-    if truth.parent_moves and not is_held(joint):
+    either = truth.parent_moves and not is_held(joint)
+    if either or np.isnan(truth.axis_W).any():
         true = float(opening_at(np.array([time]), truth)[0]) - start
         q = min(q, -q, key=lambda value: abs(value - true))
     return start + q

@@ -186,10 +186,13 @@ def _consistency(series: JointSeries, truth: Truth) -> dict[str, Any]:
     Above them (`_too_sure`) the error is too large for the reported covariance, below too small.
     """
     ticks = moving_at(series.times, truth) & series.type_is_right
+    configuration, axis = series.configuration_nees[ticks], series.axis_nees[ticks]
+    if np.isnan(truth.axis_W).any():
+        axis = axis[:0]
     return {
-        "configuration": share_inside(series.configuration_nees[ticks], 1),
-        "axis": share_inside(series.axis_nees[ticks], 2),
-        "configuration_too_sure": share_above(series.configuration_nees[ticks], 1),
-        "axis_too_sure": share_above(series.axis_nees[ticks], 2),
+        "configuration": share_inside(configuration, 1),
+        "axis": share_inside(axis, 2),
+        "configuration_too_sure": share_above(configuration, 1),
+        "axis_too_sure": share_above(axis, 2),
         "ticks": int(np.sum(ticks)),
     }

@@ -176,7 +176,7 @@ class Truth(JointTruth):
     Attributes:
         times: Instants of the network's ticks (T,), [s].
         configuration: The joint's position q (T,), [m or rad].
-        X_WB: Pose (T, 4, 4) of the moved body.
+        X_WB: Pose (T, 4, 4) of the moved body; NaN where it is not known.
         grasp_time: The instant the hand was closed, [s]; NaN where it never was, and the first tick
             where nobody says when it was.
         regrasp_times: When it was closed again after a lost grasp, [s].
@@ -227,9 +227,20 @@ def _holds(tick: Tick) -> bool:
     return bool(tick.values.get("interaction_active", np.zeros(1))[0] > 0.5)
 
 
+def _is_known(tick: Tick) -> bool:
+    """Whether the joint's position is; that of a recording may begin after its images."""
+    return bool(np.isfinite(tick.values.get("cheat_configuration", np.full(1, np.nan))).all())
+
+
+def _body_pose(tick: Tick) -> Array:
+    """The true X_WB (4, 4) at a tick; NaN where only the joint's position is known."""
+    pose: RigidTransform | None = tick.values.get("cheat_body_pose")
+    return np.full((4, 4), np.nan) if pose is None else pose.GetAsMatrix4()
+
+
 def truth_of_ticks(station: Sequence[Tick]) -> Truth:
     """The truth in what a station gave at its ticks; where it gave none, everything is unknown."""
-    ticks = [tick for tick in station if "cheat_configuration" in tick.values]
+    ticks = [tick for tick in station if _is_known(tick)]
     constants: JointTruth = next(
         (tick.values["cheat_joint"] for tick in ticks if "cheat_joint" in tick.values),
         UNKNOWN_JOINT,
@@ -241,7 +252,7 @@ def truth_of_ticks(station: Sequence[Tick]) -> Truth:
     # Of a recording that does not say when a hand held the object, travel counts from its start.
     is_told = any("interaction_active" in tick.values for tick in station)
     start = float("nan") if is_told or not ticks else ticks[0].time
-    poses = [tick.values["cheat_body_pose"].GetAsMatrix4() for tick in ticks]
+    poses = [_body_pose(tick) for tick in ticks]
     return Truth(
         **vars(constants),
         times=np.array([tick.time for tick in ticks]),

@@ -168,6 +168,27 @@ class FlagSource(Source):
         return self._last
 
 
+class PositionSource(Source):
+    """The position (1,) of one joint of joint states; NaN before the first message.
+
+    Args:
+        topic: Of the joint states.
+        joint: Its name.
+    """
+
+    def __init__(self, topic: str, joint: str) -> None:
+        super().__init__([topic])
+        self._joint = joint
+        self._last = [np.nan]
+
+    def value(self, now: int) -> list[float]:
+        """The last one at or before a tick."""
+        for _, message in self.take(now):
+            if self._joint in message.name:
+                self._last = [float(message.position[list(message.name).index(self._joint)])]
+        return self._last
+
+
 class SpanSource(Source):
     """One within spans of time, zero elsewhere."""
 

@@ -11,12 +11,14 @@ from crossmodal.diagrams.applications import find_application
 from crossmodal.diagrams.crossmodal.estimators import PROPRIOCEPTION_INPUTS, VISION_INPUTS
 from crossmodal.diagrams.crossmodal.modalities import FEELING, MODALITIES, SEEING
 from crossmodal.diagrams.crossmodal.robot_config import ARM
+from crossmodal.diagrams.joints.joint_truth import UNKNOWN_JOINT
 from crossmodal.diagrams.recordings.calibration_file import RecordedRobot
 from crossmodal.diagrams.recordings.port_sources import (
     CodecSource,
     ConstantSource,
     FlagSource,
     ImageSource,
+    PositionSource,
     Rectifier,
     Source,
     SpanSource,
@@ -116,6 +118,7 @@ def prepare(
     def open_log(streams: list[Stream]) -> RecordingLog:
         sources = _foreign(chosen, robot, facts, calibration, found)
         sources = {port: source for port, source in sources.items() if port in needed}
+        sources |= _true(chosen)
         sources |= _own(found, chosen, streams, sources)
         return RecordingLog(found, sources, streams, start, end + period)
 
@@ -290,6 +293,18 @@ def _foreign(
         size = facts.intrinsics.height, facts.intrinsics.width
         sources["robot_mask"] = ConstantSource(grey_image(np.zeros(size, dtype=np.uint8)))
     return sources
+
+
+def _true(chosen: TopicMap) -> dict[str, Source]:
+    """Sources of what only the evaluation reads: the object's joint, whose axis nobody knows."""
+    truth = chosen.truth
+    if not truth.topic:
+        return {}
+    constants = replace(UNKNOWN_JOINT, name=truth.joint, type=truth.type)
+    return {
+        "cheat_configuration": PositionSource(truth.topic, truth.joint),
+        "cheat_joint": ConstantSource(constants),
+    }
 
 
 def _own(

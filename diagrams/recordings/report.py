@@ -61,6 +61,11 @@ def perceivable(found: Survey, chosen: TopicMap) -> list[str]:
         lines.append(f"no proprioception: there is no topic of {', '.join(hand)}")
     if not (eye or hand):
         lines.append("cross-modal: both together")
+    if not (eye and hand):
+        lines += [
+            f"scored by {each.facts.name} where that is the object's: `truth` in the map"
+            for each in topic_map.object_joints(found, chosen)
+        ]
     if poses := found.of_type(*POSE_TYPES):
         lines.append(f"joints from poses: {', '.join(each.facts.name for each in poses)}")
     return lines or ["nothing: there are neither images with depth nor joints nor poses"]
@@ -87,7 +92,7 @@ def drafts(found: Survey) -> dict[str, str]:
     chosen = likely_topic_map(found)
     width, height = size_of(found.topics[chosen.color].first) if chosen.color else (640, 480)
     return {
-        "topics.yaml": topic_map.as_yaml(chosen),
+        "topics.yaml": topic_map.as_yaml(chosen, topic_map.object_joints(found, chosen)),
         "calibration.yaml": calibration_file.as_yaml(said_of(found, chosen), width, height),
     }
 

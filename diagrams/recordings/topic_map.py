@@ -1,5 +1,6 @@
 """Which topic of a recording is which of the robot's streams, as a file says or as is likely."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
@@ -17,10 +18,26 @@ from crossmodal.diagrams.run.scenario import Interval
 from crossmodal.diagrams.run.yaml_input.loader import read_yaml
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, load_typed, suggestion
 from crossmodal.maths.validation import check
+from crossmodal.systems.port_values import MOVING_TYPES
 from crossmodal.systems.recordings.camera_info import CAMERA_INFO
 from crossmodal.systems.recordings.images import IMAGE, IMAGE_TYPES, encoding_of, is_depth
 
 _CHAMBERS, _JOINTS = 4, 7  # Of the hand and of the arm.
+
+
+@dataclass(kw_only=True)
+class RecordedTruth:
+    """The position of the object's joint, as something else than the robot has measured it.
+
+    Attributes:
+        topic: Of joint states.
+        joint: Its name there; of a single one it may be left out.
+        type: Prismatic, revolute or screw: a position does not say its unit.
+    """
+
+    topic: str = ""
+    joint: str = ""
+    type: str = ""
 
 
 @dataclass(kw_only=True)
@@ -39,6 +56,7 @@ class TopicMap:
         pressures: Of the hand's chambers: one topic of four numbers, or four `FluidPressure`, [Pa].
         interaction: Says by true, or a number above one half, that the hand holds the object.
         held: When it did, since the recording's start, where no topic says it.
+        truth: Of the object's joint, for scoring alone.
     """
 
     color: str = ""
@@ -52,11 +70,13 @@ class TopicMap:
     pressures: list[str] = field(default_factory=list)
     interaction: str = ""
     held: list[Interval] = field(default_factory=list)
+    truth: RecordedTruth = field(default_factory=RecordedTruth)
 
     def topics(self) -> dict[str, str]:
         """The topics that it names, by what they are."""
         named = {item.name: getattr(self, item.name) for item in fields(self)}
         found = {key: name for key, name in named.items() if isinstance(name, str) and name}
+        found |= {"truth.topic": self.truth.topic} if self.truth.topic else {}
         return found | {f"pressures.{k}": name for k, name in enumerate(self.pressures)}
 
 
@@ -70,6 +90,7 @@ _TYPES = {
     "wrench": (WRENCH,),
     "pressures": (*ARRAYS, FLUID),
     "interaction": FLAGS + ARRAYS,
+    "truth": (JOINTS,),
 }
 
 
@@ -96,7 +117,28 @@ def read_topic_map(path: Path, found: Survey) -> TopicMap:
         raise ScenarioError(
             f"{path}: pressures names {len(made.pressures)} topics; need one or {_CHAMBERS}"
         )
+    _check_truth(made.truth, found, str(path))
     return made
+
+
+def _check_truth(truth: RecordedTruth, found: Survey, source: str) -> None:
+    """Names the only joint of the topic; refuses one that is not there and an unknown type."""
+    if not truth.topic:
+        if truth.joint or truth.type:
+            raise ScenarioError(f"{source}: truth needs a topic of joint states")
+        return
+    names = list(found.topics[truth.topic].first.name)
+    if not truth.joint and len(names) == 1:
+        truth.joint = names[0]
+    if truth.joint not in names:
+        raise ScenarioError(
+            f"{source}: truth.joint = '{truth.joint}': {suggestion(truth.joint, names)}"
+        )
+    types = [str(kind) for kind in MOVING_TYPES]
+    if truth.type not in types:
+        raise ScenarioError(
+            f"{source}: truth.type = '{truth.type}': {suggestion(truth.type, types)}"
+        )
 
 
 def likely_topic_map(found: Survey) -> TopicMap:
@@ -160,8 +202,12 @@ def _common(first: str, second: str) -> int:
     return count
 
 
-def as_yaml(made: TopicMap) -> str:
-    """The map as a file that can be changed."""
+def as_yaml(made: TopicMap, objects: Sequence[TopicSurvey] = ()) -> str:
+    """The map as a file that can be changed.
+
+    Args:
+        objects: Joint states that are not the arm's; they may be the truth.
+    """
     notes: dict[str, str] = {
         "color": "Images in colour or grey.",
         "depth": "Registered to the colour image.",
@@ -183,4 +229,15 @@ def as_yaml(made: TopicMap) -> str:
         lines.append("joint_names: []  # From the base on; empty: the first of the messages.")
     if made.wrench and not made.interaction:
         lines.append("held: [{start: 0, end: inf}]  # When the hand held the object, [s].")
+    for each in objects:
+        joint = each.first.name[0] if len(each.first.name) else ""
+        lines.append(
+            f"# truth: {{topic: {each.facts.name}, joint: {joint}, type: prismatic}}"
+            "  # Or revolute; for scoring alone."
+        )
     return "\n".join(lines) + "\n"
+
+
+def object_joints(found: Survey, made: TopicMap) -> list[TopicSurvey]:
+    """Topics of joint states that are not the arm's."""
+    return [each for each in found.of_type(JOINTS) if each.facts.name != made.joint_states]

@@ -16,7 +16,6 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder, System
 from crossmodal.diagrams.drawing.layers import Layers, Viewpoint
 from crossmodal.diagrams.run.calibration import Calibration
 from crossmodal.diagrams.run.experiment import CampaignPlot, Column, Experiment, Metric
-from crossmodal.diagrams.run.live.controls import Control
 from crossmodal.diagrams.run.own_object import OwnObject
 from crossmodal.diagrams.run.record import EpisodeRecord, Event, Quantity, Tick
 from crossmodal.diagrams.run.scenario import Scenario
@@ -27,6 +26,8 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
     from pydrake.geometry import Meshcat
+
+    from crossmodal.diagrams.run.live.controls import Control
 
 SCENE_PORT = "cheat_query_object"  # Of a station whose scene Meshcat and videos can show.
 
@@ -165,7 +166,7 @@ class Application:
         default_factory=lambda: Viewpoint(p_WV=np.array([2.0, 1.5, 1.5]), p_WT=np.zeros(3))
     )
     film: Callable[[Any], Sequence[str]] | None = None
-    controls: Callable[[Any], Sequence[Control]] = lambda scenario: ()
+    controls: Callable[[Any], Sequence["Control"]] = lambda scenario: ()
     replaceable: Sequence[str] = ("perception",)
     own_object: Callable[[Any, str, OwnObject, Sequence[str]], Sequence[str]] | None = None
     keep_files: Callable[[Any], tuple[Any, Mapping[str, Path]]] = lambda scenario: (scenario, {})

@@ -16,7 +16,6 @@ from crossmodal.diagrams.drawing.layers import Layers
 from crossmodal.diagrams.run.application import SCENE_PORT, Application, Station
 from crossmodal.diagrams.run.calibration import Calibration
 from crossmodal.diagrams.run.folder.fingerprint import contents
-from crossmodal.diagrams.run.live.controls import Control, ControlKind, connect_controls
 from crossmodal.diagrams.run.process import peak_memory
 from crossmodal.diagrams.run.record import EpisodeRecord, Event, Quantity, TaskStatus
 from crossmodal.diagrams.run.recorder import (
@@ -34,6 +33,7 @@ from crossmodal.maths.compiled import compilation_timed
 from crossmodal.systems.compile_ahead import compile_ahead
 
 if TYPE_CHECKING:
+    from crossmodal.diagrams.run.live.controls import Control
     from crossmodal.diagrams.run.live.events import EventText
     from crossmodal.diagrams.run.live.session import LiveSession
     from crossmodal.diagrams.run.stream.sinks import Sink
@@ -178,7 +178,7 @@ class Episode:
         station = builder.AddNamedSystem("station", self.station.diagram)
         faults = scenario.disturbances.faults
         controls = application.controls(scenario) if self._is_live else []
-        silenced = [control.port for control in controls if control.kind is ControlKind.SILENCE]
+        silenced = [control.port for control in controls if control.silences]
         heard = add_stream_faults(builder, station, faults, period, scenario.seed, silenced)
         self._stopwatches = {
             name: _add_estimator(builder, station, heard, name, estimator, period)
@@ -242,9 +242,10 @@ class Episode:
         application: Application,
         meshcat: Meshcat,
         station: Diagram,
-        controls: Sequence[Control],
+        controls: Sequence["Control"],
     ) -> None:
         from crossmodal.diagrams.drawing.legend import EventBoard
+        from crossmodal.diagrams.run.live.controls import connect_controls
         from crossmodal.diagrams.run.live.events import EventText
         from crossmodal.diagrams.run.live.session import LiveSession
 
@@ -380,6 +381,18 @@ def _check_station(
             )
 
 
+def refuse_truth(name: str, estimator: System) -> None:
+    """Refuses an estimator that reads the truth.
+
+    Raises:
+        ScenarioError: naming estimator and port.
+    """
+    for index in range(estimator.num_input_ports()):
+        port = estimator.get_input_port(index).get_name()
+        if port.startswith("cheat_"):
+            raise ScenarioError(f"estimator '{name}' reads '{port}': the truth is not for it")
+
+
 def check_inputs(name: str, estimator: System, source: System, what: str) -> None:
     """Refuses an estimator that reads the truth, or what nobody gives.
 
@@ -389,12 +402,11 @@ def check_inputs(name: str, estimator: System, source: System, what: str) -> Non
     Raises:
         ScenarioError: naming estimator, port, and the ports that there are.
     """
+    refuse_truth(name, estimator)
     there = [port.get_name() for port in output_ports(source)]
     there = [port for port in there if not port.startswith("cheat_")]
     for index in range(estimator.num_input_ports()):
         port = estimator.get_input_port(index).get_name()
-        if port.startswith("cheat_"):
-            raise ScenarioError(f"estimator '{name}' reads '{port}': the truth is not for it")
         if port not in there:
             raise ScenarioError(
                 f"estimator '{name}' reads '{port}', which {what} does not have;"

@@ -21,6 +21,7 @@ from crossmodal.diagrams.run.episode import (
     connect_recorder,
     output_ports,
     recorded_quantities,
+    refuse_truth,
     stream_models,
 )
 from crossmodal.diagrams.run.folder.run_folder import SCENARIO_FILE, SENSORS_FILE
@@ -83,7 +84,7 @@ def replay(
 
     Raises:
         ScenarioError: if the recording is damaged, lacks a stream that an estimator needs, or was
-            made with another scenario.
+            made with another scenario; if an estimator reads the truth.
     """
     folder = Path(folder)
     compile_ahead(application.name)
@@ -91,6 +92,8 @@ def replay(
         calibration = application.make_calibration(scenario)
     if estimators is None:
         estimators = build_estimators(application, scenario, calibration)
+    for name, estimator in estimators.items():
+        refuse_truth(name, estimator)
     pictures = application.pictures(scenario)
     station_quantities = application.station_quantities(scenario)
     models = dict.fromkeys(pictures, StampedImage(time=0.0, image=ImageRgba8U()))

@@ -23,7 +23,6 @@ from pydrake.systems.sensors import RgbdSensor
 
 from crossmodal.diagrams.run.calibration import CameraCalibration, draw_camera
 from crossmodal.diagrams.run.scenario import CameraBump
-from crossmodal.diagrams.stations.camera_controls import COVER, LIGHT
 from crossmodal.diagrams.stations.naming import own_seed, owner_among, prefixed
 from crossmodal.diagrams.stations.occurrence import Occurrence
 from crossmodal.diagrams.stations.wiring import StationWiring
@@ -35,6 +34,7 @@ from crossmodal.systems.sensors.image_stamps import ImageStamps, Mounting
 from crossmodal.systems.sensors.rgbd_camera import CameraNoise, CameraNoiseConfig
 from crossmodal.systems.sensors.robot_mask import MaskedRobot, RobotMask, RobotMaskConfig
 
+LIGHT, COVER = "light_by_hand", "cover_by_hand"  # Inputs of the station.
 # A visual that accepts the colour renderer only is transparent.
 _RENDERERS = ("colour", "depth")
 

@@ -3,9 +3,8 @@
 from collections.abc import Collection
 
 from crossmodal.diagrams.run.live.controls import Control, ControlKind
+from crossmodal.diagrams.stations.add_cameras import COVER, LIGHT
 from crossmodal.diagrams.stations.naming import owner_among, prefixed
-
-LIGHT, COVER = "light_by_hand", "cover_by_hand"
 
 
 def camera_controls(cameras: Collection[str]) -> list[Control]:

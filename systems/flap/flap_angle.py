@@ -173,17 +173,24 @@ def see_first(state: FlapAngleState, plane: FlapPlane, config: FlapAngleConfig) 
     return replace(state, x=x, P=P, n0_W=n0, rest_images=count + 1)
 
 
+def _across(n: Array) -> Array:
+    """Projects (3, 3) onto the plane across a unit normal (3,)."""
+    return np.eye(3) - np.outer(n, n)
+
+
 def with_normal(state: FlapAngleState, plane: FlapPlane) -> FlapAngleState:
     """The state with the normal that goes with its angle."""
     if state.n0_W is None:
         return state
     k = state.k_W
     if k is None or state.k_covariance is None:
-        if plane.seen or state.n_W is None or state.n_covariance is None:
+        if plane.seen:
             covariance = (plane.covariance + plane.common_covariance)[:3, :3]
             return replace(state, n_W=plane.n_W, n_covariance=covariance)
-        spread = state.n_covariance + state.P[0, 0] * (np.eye(3) - np.outer(state.n_W, state.n_W))
-        return replace(state, n_covariance=spread)
+        n, spread = state.n_W, state.n_covariance
+        if n is None or spread is None:  # It was last seen before it was touched.
+            n, spread = state.n0_W, state.n0_common + state.P[2, 2] * _across(state.n0_W)
+        return replace(state, n_W=n, n_covariance=spread + state.P[0, 0] * _across(n))
     n = turned_normal(k, state.n0_W, float(state.x[0] + state.x[2]))
     along = np.cross(k, n)
     variance = float(state.P[0, 0] + 2.0 * state.P[0, 2] + state.P[2, 2])

@@ -11,6 +11,14 @@ from crossmodal.diagrams.run.sensor_streams.stream_faults import faults_of
 from crossmodal.systems.sensors.stream_fault import BY_HAND
 
 
+def page_name(name: str) -> str:
+    """A button's or slider's name with typographic quotes.
+
+    Meshcat puts it between straight ones into the page's code, which one within it would end.
+    """
+    return name.replace("\\", "/").replace("'", "\u2019")
+
+
 class ControlKind(StrEnum):
     """How a value is changed, and what it is written to.
 
@@ -28,7 +36,7 @@ class Control:
     """A value of a station that a person may change while it runs.
 
     Attributes:
-        name: On the page, with its unit.
+        name: On the page, with its unit; the page has room for 16 letters or so.
         kind: How it is changed, and what it is written to.
         port: Input port (1,) of the station, which does as the scenario says without one; of a
             silence the stream, an output port of the station that estimators read.
@@ -47,6 +55,16 @@ class Control:
     step: float = 1.0
     value: float = 0.0
     factor: float = 1.0
+
+    @property
+    def silences(self) -> bool:
+        """Whether it writes to a stream, and not to an input of the station."""
+        return self.kind is ControlKind.SILENCE
+
+    @property
+    def page_name(self) -> str:
+        """Its name as the page can write it."""
+        return page_name(self.name)
 
     def written(self, value: float) -> str:
         """Its name with a value, for people."""
@@ -71,7 +89,7 @@ class ControlValues(LeafSystem):
 
     Args:
         controls: What can be changed.
-        read: Gives the present value of a slider by its name.
+        read: Gives the present value of a slider by its name on the page.
         period: Of the reading, [s].
     """
 
@@ -97,7 +115,8 @@ class ControlValues(LeafSystem):
 
     def _update(self, context: Context, next_state: DiscreteValues) -> None:
         values = [
-            control.factor * float(np.clip(self._read(control.name), control.low, control.high))
+            control.factor
+            * float(np.clip(self._read(control.page_name), control.low, control.high))
             for control in self._controls
         ]
         next_state.get_mutable_vector().SetFromVector(values)
@@ -119,7 +138,7 @@ def connect_controls(
         return
     values = builder.AddNamedSystem("controls", ControlValues(controls, read, period))
     for control in controls:
-        if control.kind is ControlKind.SILENCE:
+        if control.silences:
             target = builder.GetSubsystemByName(faults_of(control.port)).GetInputPort(BY_HAND)
         elif station.HasInputPort(control.port):
             target = station.GetInputPort(control.port)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pydrake.geometry import Meshcat
 
 from crossmodal.diagrams.drawing.layers import Layers
-from crossmodal.diagrams.run.live.controls import Control
+from crossmodal.diagrams.run.live.controls import Control, page_name
 
 PAUSE, TICK, END, NEXT = "Pause / go on", "Single tick", "End the episode", "Restart, next seed"
 TRUTH = "Truth: show / hide"
@@ -51,12 +51,12 @@ class LiveSession:
         self._noted = {control.name: control.value for control in self.controls}
         for control in self.controls:
             self.meshcat.AddSlider(
-                control.name, control.low, control.high, control.step, control.value
+                control.page_name, control.low, control.high, control.step, control.value
             )
 
     def _add_button(self, name: str, key: str) -> None:
-        self.meshcat.AddButton(name, key)
-        self._seen[name] = self.meshcat.GetButtonClicks(name)
+        self.meshcat.AddButton(page_name(name), key)
+        self._seen[name] = self.meshcat.GetButtonClicks(page_name(name))
 
     def _switches(self) -> list[str]:
         """Buttons that say what is shown; there is no choice among one estimator."""
@@ -67,7 +67,7 @@ class LiveSession:
         """How often a button was pressed since it was asked last."""
         if name not in self._seen:
             return 0
-        count = self.meshcat.GetButtonClicks(name)
+        count = self.meshcat.GetButtonClicks(page_name(name))
         new, self._seen[name] = count - self._seen[name], count
         return new
 
@@ -110,7 +110,7 @@ class LiveSession:
         """What was changed by sliders that have come to rest since it was asked last."""
         found = []
         for control in self.controls:
-            value = self.meshcat.GetSliderValue(control.name)
+            value = self.meshcat.GetSliderValue(control.page_name)
             rests = value == self._values.get(control.name)
             if rests and value != self._noted[control.name]:
                 self._noted[control.name] = value
@@ -124,9 +124,9 @@ class LiveSession:
         What is shown can still be chosen by Meshcat's own controls, and the next seed be asked for.
         """
         for name in (PAUSE, TICK, END, *self._switches()):
-            self.meshcat.DeleteButton(name)
+            self.meshcat.DeleteButton(page_name(name))
         for control in self.controls:
-            self.meshcat.DeleteSlider(control.name)
+            self.meshcat.DeleteSlider(control.page_name)
 
 
 def stay(meshcat: Meshcat, is_over: Callable[[], bool]) -> bool:

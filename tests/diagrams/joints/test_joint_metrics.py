@@ -259,6 +259,17 @@ def test_of_two_bodies_that_are_only_seen_either_may_be_the_parent(q: float) -> 
     assert_allclose(error(child_id=HELD_BODY), q - 0.6, atol=1e-9)
 
 
+@pytest.mark.parametrize("q", [0.58, -0.58])
+def test_where_the_true_axis_is_not_known_only_the_configuration_is_scored(q: float) -> None:
+    unknown = np.full(3, np.nan)
+    truth = truth_of(np.array([0.0, 0.0, 0.3, 0.6]), JointType.REVOLUTE)
+    truth = replace(truth, axis_W=unknown, point_W=unknown, X_WB=np.full((4, 4, 4), np.nan))
+    series = joint_series([tick(3.0, joint_belief(JointType.REVOLUTE, AXIS, q, 0.01, 0.01))], truth)
+    assert_allclose(series.error, -0.02, atol=1e-9)
+    assert_allclose(series.configuration_nees, 4.0)
+    assert np.isnan([*series.axis_error, *series.axis_nees, *series.distance_error]).all()
+
+
 def test_a_tick_without_beliefs_is_one_without_a_joint() -> None:
     truth = truth_of(np.array([0.0, 0.0, 0.05]))
     series = joint_series([Tick(time=2.0, values={})], truth)

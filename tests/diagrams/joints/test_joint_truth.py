@@ -153,6 +153,17 @@ def test_what_is_kept_before_the_first_grasp_is_bounded_too() -> None:
     assert times == sorted(times)
 
 
+def test_a_position_alone_counts_from_when_it_is_known() -> None:
+    ticks = [
+        Tick(time=0.1 * k, values={"cheat_configuration": np.array([q])})
+        for k, q in enumerate((np.nan, 0.02, 0.07))
+    ]
+    truth = truth_of_ticks(ticks)
+    assert_allclose(truth.times, [0.1, 0.2])
+    assert_allclose(truth.opening(), [0.0, 0.05])
+    assert np.isnan(truth.X_WB).all()
+
+
 def test_travel_counts_from_the_start_where_nobody_says_when_a_hand_held_the_object() -> None:
     ticks = [
         Tick(

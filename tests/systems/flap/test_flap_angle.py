@@ -148,6 +148,23 @@ def test_nothing_is_known_before_the_first_touch() -> None:
     assert not read_angle(state, lab.camera).known
 
 
+def test_a_flap_that_is_first_touched_while_it_is_not_seen_is_believed_where_it_was_seen() -> None:
+    lab, state = Laboratory(0, EXACT), UNTOUCHED
+    for _ in range(5):
+        state = update_angle(state, lab.plane(0.0), UNKNOWN_FINGERTIP, UNKNOWN_HINGE, CONFIG)
+    spreads = []
+    for _ in range(3):
+        contact = lab.contact(0.0, 0.0)
+        state = update_angle(state, unseen("no samples"), contact, UNKNOWN_HINGE, CONFIG)
+        assert np.isfinite(state.x).all()
+        assert np.isfinite(state.P).all()
+        assert state.n_W is not None
+        assert state.n_covariance is not None
+        assert_allclose(state.n_W, lab.plane(0.0).n_W, atol=0.02)
+        spreads.append(float(np.trace(state.n_covariance)))
+    assert 0.0 < spreads[0] < spreads[1] < spreads[2]
+
+
 @pytest.mark.parametrize("swing", [0.0, 0.15, -0.2])
 def test_a_loose_flap_counts_from_where_it_hung_although_nobody_felt_it_swing(swing: float) -> None:
     """A finger that is not felt yet has turned it by `swing`; then it is turned by 40 deg."""

@@ -72,7 +72,8 @@ def add_view(builder, scenario, meshcat, station, estimators):
     clear_view(meshcat, VIEWPOINT)
     for path in [TRUTH, *(f"{ROOT}/{name}" for name in estimators)]:
         meshcat.SetObject(f"{path}/ball", Sphere(0.05))
-    return Layers(estimators={name: f"{ROOT}/{name}" for name in estimators}, truth=TRUTH)
+    layers = {f"the {name} one's": f"{ROOT}/{name}" for name in estimators}
+    return Layers(estimators=layers, truth=TRUTH)
 
 
 def rows(estimator, tick, station):

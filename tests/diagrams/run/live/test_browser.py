@@ -14,6 +14,7 @@ import pytest
 from chromium import PATIENCE, browser, page_at
 
 from crossmodal.diagrams.applications import OWN
+from crossmodal.diagrams.run.live.controls import page_name
 from crossmodal.diagrams.run.live.session import END, NEXT, PAUSE, TICK, TRUTH
 
 ROD = "['drake', 'visualizer', 'rod']"
@@ -86,7 +87,7 @@ def test_a_person_moves_a_control_and_the_page_stays_when_the_episode_has_ended(
     assert not page.evaluate(shown)
     press(page, TRUTH)
     wait_for(page, shown)
-    press(page, "Show right")
+    press(page, page_name("Show the right one's"))
     wait_for(page, "!viewer.scene_tree.find(['perception', 'left']).object.visible")
     assert page.evaluate("viewer.scene_tree.find(['perception', 'right']).object.visible")
     press(page, PAUSE)

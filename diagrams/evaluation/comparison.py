@@ -159,7 +159,7 @@ def figures_table(compared: Sequence[Compared]) -> Table:
     One run has a magnitude, an evaluation the median of the magnitudes and their 5 to 95 %, or how
     often something is true. What is missing counts as infinitely large, and as not true.
     """
-    table = Table(header=["", "", *(one.heading for one in compared)])
+    table = Table(header=["", "", *(one.name for one in compared)])
     table.header += [f"{one.name} - {compared[0].name}" for one in compared[1:]]
     for metric, estimator in _in_order(compared):
         found = [
@@ -272,10 +272,10 @@ def _difference(first: Array, other: Array, unit: str, *, truth: bool) -> str:
 def scenarios_table(compared: Sequence[Compared]) -> Table:
     """The keys in which the scenarios differ, with their units, and the values.
 
-    Those that all of them have come first.
+    Those that all of them have come first; descriptions stand elsewhere.
     """
     table = Table(header=["scenario", *(one.name for one in compared)])
-    keys = dict.fromkeys(key for one in compared for key in one.document)
+    keys = dict.fromkeys(key for one in compared for key in one.document if key != "description")
     for key in sorted(keys, key=lambda key: any(key not in one.document for one in compared)):
         values = [one.document.get(key, "-") for one in compared]
         if any(value != values[0] for value in values):
@@ -296,7 +296,7 @@ def comparison(compared: Sequence[Compared], *, most: int | None = MAIN_ROWS) ->
     Args:
         most: How many rows of each; None for all.
     """
-    parts, differing = [], scenarios_table(compared)
+    parts, differing = [_what_was_done(one) for one in compared], scenarios_table(compared)
     for table in (figures_table(compared), differing):
         more = len(table.rows) - len(table.rows[:most])
         parts += [table.markdown(most)] if table.rows else []
@@ -318,7 +318,7 @@ def comparison_page(compared: Sequence[Compared], origin: str) -> str:
     main.fold = differing.fold = MAIN_ROWS
     begin = Section(
         title="",
-        what=_what_was_done(compared),
+        what=[_what_was_done(one) for one in compared],
         pictures=_beside(compared, names[0]) if names else (),
         tables=[main, differing],
         words=words_of(compared[0].application, [main]),
@@ -332,12 +332,10 @@ def comparison_page(compared: Sequence[Compared], origin: str) -> str:
     return page(" | ".join(one.name for one in compared), origin, [begin, *further])
 
 
-def _what_was_done(compared: Sequence[Compared]) -> list[str]:
-    """The scenarios in words, which all of them may share."""
-    said = [str(one.document.get("description", "")) for one in compared]
-    if len(set(said)) == 1:
-        return [f"Scenario: {said[0]}."] if said[0] else []
-    return [f"{one.name}: {text}." for one, text in zip(compared, said, strict=True) if text]
+def _what_was_done(one: Compared) -> str:
+    """Of which episodes it is, and the scenario in words."""
+    said = one.document.get("description")
+    return f"{one.heading}; {said}." if said else f"{one.heading}."
 
 
 def _beside(compared: Sequence[Compared], name: str) -> list[tuple[str, str]]:

@@ -50,9 +50,8 @@ def two_runs(tmp_path: Path) -> list[Compared]:
 
 
 def test_two_runs_stand_side_by_side_with_their_differences(two_runs: list[Compared]) -> None:
-    assert figures_table(two_runs).header == [
-        "", "", "before: seed 3", "after: seed 3", "after - before",
-    ]  # fmt: skip
+    assert figures_table(two_runs).header == ["", "", "before", "after", "after - before"]
+    assert comparison(two_runs).startswith("before: seed 3.\n\nafter: seed 3.\n\n|")
     found = rows(two_runs)
     assert found["error of the distance", "the left eye"] == [
         "2 mm", "0.500 mm", "-1.5 mm, better",

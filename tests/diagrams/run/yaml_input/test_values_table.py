@@ -35,6 +35,11 @@ class Car:
     spare: Wheel = field(default_factory=Wheel)
 
 
+@dataclass(kw_only=True)
+class Trailer:
+    wheel: Wheel | None = None
+
+
 def test_each_value_has_its_range_and_the_comment_at_its_declaration() -> None:
     lines = {line.key: line for line in values_table(Car())}
     names = ("spokes", "radius", "centre", "plain")
@@ -77,7 +82,9 @@ def test_most_numbers_of_the_scenarios_are_explained(name: str) -> None:
 
 
 def test_a_declared_unit_is_found_by_its_key() -> None:
-    assert unit_at(Car, "spare.radius") == unit_at(Car, "wheels.left.centre") == "m"
+    of_car = [(Car, "spare.radius"), (Car, "wheels.left.centre")]
+    for config, key in [*of_car, (Trailer, "wheel.radius")]:
+        assert unit_at(config, key) == "m"
     for key in (
         "spare.spokes",
         "spare.none",

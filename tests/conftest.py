@@ -35,8 +35,9 @@ def none_is_no_value() -> None:
 def recorded_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder of a run with its sensor streams: the lights go off after some centimetres."""
     from crossmodal.diagrams.applications import load_scenario
+    from crossmodal.diagrams.evaluation.run_writer import write_run
     from crossmodal.diagrams.run.episode import run_episode
-    from crossmodal.diagrams.run.folder.run_folder import SENSORS_FILE, write_run
+    from crossmodal.diagrams.run.folder.run_folder import SENSORS_FILE
 
     folder = tmp_path_factory.mktemp("run")
     application, scenario = load_scenario(

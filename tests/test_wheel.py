@@ -57,8 +57,7 @@ def test_it_holds_every_file_of_the_rooms(installed: Path) -> None:
         "models/weights/segmentation.onnx",
         "models/examples/two_drawers.urdf",
         "diagrams/drawing/page_style.html",
-        "diagrams/evaluation/report.html.jinja",
-        "diagrams/run/folder/run_page.html.jinja",
+        "diagrams/drawing/page.html.jinja",
     } < found
 
 
@@ -70,7 +69,7 @@ def test_it_loads_every_scenario_beside_modules_called_like_its_rooms(
     (tmp_path / "models" / "__init__.py").write_text("raise RuntimeError('another one')")
     code = (
         "import crossmodal.diagrams.command_line as c; print(c.__file__);"
-        "from crossmodal.diagrams.evaluation.campaign_report import page; page('a', 'b', []);"
+        "from crossmodal.diagrams.drawing.page import page; page('a', 'b', []);"
         "c.app(['list'])"
     )
     result = subprocess.run(

@@ -12,7 +12,8 @@ import threading
 import traceback
 from pathlib import Path
 
-from crossmodal.diagrams.run.folder.run_folder import SCENARIO_FILE, write_run, write_text
+from crossmodal.diagrams.evaluation.run_writer import write_run
+from crossmodal.diagrams.run.folder.run_folder import SCENARIO_FILE, write_text
 from crossmodal.diagrams.run.process import ERROR_FILE
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line
 

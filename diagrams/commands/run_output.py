@@ -20,7 +20,7 @@ def write_and_report(
 
     What was perceived is said before the large files are written, which may not fit on the disk.
     """
-    from crossmodal.diagrams.run.folder.run_folder import RunWriter
+    from crossmodal.diagrams.evaluation.run_writer import RunWriter
 
     results = application.evaluate(record)
     writer = RunWriter(folder, application, record, results, log=log.text(record))

@@ -1,6 +1,7 @@
 """A legend and the newest events, which stay in corners of Meshcat's view, live and in a page."""
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -18,6 +19,9 @@ _LINE = 0.022  # Height of a line, [m].
 _LOWER_LEFT, _UPPER_LEFT = (-0.53, -0.43), (-0.53, 0.37)
 _PIXELS = 44  # Height of a line.
 _BACKGROUND, _INK = "#F6F6F4", "#202020"
+
+# Of a page with a recording: fits the boards into any window. A live page has no place for it.
+KEEPS_BOARDS = f"<script>{Path(__file__).with_name('boards.js').read_text()}</script>"
 
 Entry = tuple[Literal["dot", "bar", "line"], str, str]  # Form, colour '#RRGGBB' and what it is.
 

@@ -4,20 +4,18 @@ import contextlib
 import datetime
 import io
 import os
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
 import pandas as pd
 from PIL import Image
 
-from crossmodal.diagrams.drawing.page import png_address, render
+from crossmodal.diagrams.drawing.page import Section, page, png_address
 from crossmodal.diagrams.drawing.plot_style import save
 from crossmodal.diagrams.evaluation.campaign import Campaign, Summary, episode_folder
 from crossmodal.diagrams.evaluation.metric_table import (
     HOW_TO_READ,
-    Table,
     experiment_tables,
     markdown,
     overall_table,
@@ -25,9 +23,9 @@ from crossmodal.diagrams.evaluation.metric_table import (
     tidy_metrics,
     title,
 )
-from crossmodal.diagrams.evaluation.words import tone, words_of
-from crossmodal.diagrams.run.application import Application
-from crossmodal.diagrams.run.folder.fingerprint import versions
+from crossmodal.diagrams.evaluation.run_report import name_of, portrait_of
+from crossmodal.diagrams.evaluation.words import columns_of, words_of
+from crossmodal.diagrams.run.folder.fingerprint import program
 from crossmodal.diagrams.run.folder.run_folder import (
     PAGE_FILE,
     PLOT_FOLDER,
@@ -42,43 +40,11 @@ OVERVIEW_FILES = (CSV_FILE, TABLE_FILE, PAGE_FILE)
 _THUMBNAIL = (480, 480)  # Largest width and height, [pixels].
 
 
-@dataclass(kw_only=True)
-class Section:
-    """An experiment on the page, or what is compared there.
-
-    Attributes:
-        portrait: A picture in which one sees what was done: its address and what it shows.
-        what: What was done, a sentence each.
-        columns: What the titles of columns mean, by word.
-        words: What else of words means something, by word.
-        folded: Tables that only who looks for more wants to see.
-        made: How it was made, in notes at the end.
-        pictures: Addresses that hold them, and what each shows.
-        episodes: Seed, reason of a failure, thumbnail, and links to its pictures by their names.
-    """
-
-    title: str
-    name: str = ""
-    portrait: tuple[str, str] | None = None
-    what: Sequence[str] = ()
-    tables: Sequence[Table] = ()
-    folded: Sequence[Table] = ()
-    columns: Mapping[str, str] = field(default_factory=dict)
-    words: Mapping[str, str] = field(default_factory=dict)
-    notes: Sequence[str] = ()
-    made: Sequence[str] = ()
-    pictures: Sequence[tuple[str, str]] = ()
-    episodes: Sequence[tuple[int, str, str, dict[str, str]]] = ()
-    side_by_side: bool = False
-
-
 def made_by(command: str, *, complete: bool = True) -> str:
     """Command, version and date in one line, and whether the command has come to its end."""
-    known = versions()
-    program = f"crossmodal {known['crossmodal']} (source {known['source']})"
     today = datetime.datetime.now(datetime.UTC).date().isoformat()
     ending = "" if complete else ", interrupted"
-    return f"`{command}`{ending}, {program}, Drake {known['drake']}, {today}."
+    return f"`{command}`{ending}, {program()}, {today}."
 
 
 def task_in_words(campaign: Campaign) -> str:
@@ -155,38 +121,21 @@ def write_overview(campaigns: Sequence[Campaign], folder: Path, origin: str) -> 
     ]
 
 
-def page(
-    heading: str, origin: str, sections: Sequence[Section], overall: Sequence[Table] = ()
-) -> str:
-    """The page, with every picture inside it; `overall` stands before the sections."""
-    return render(
-        Path(__file__).with_name("report.html.jinja"),
-        heading=heading,
-        made_by=origin.replace("`", ""),
-        sections=sections,
-        overall=overall,
-        tone=tone,
-    )
-
-
 def _section(campaign: Campaign, figures: pd.DataFrame, base: Path) -> Section:
     experiment, folder = campaign.experiment, campaign.folder
     episodes = []
     for summary in campaign.summaries:
         place = episode_folder(folder, summary["seed"])
-        names = sorted(summary.get("files", []))
-        shown = [place / name for name in names if name.startswith(f"{PLOT_FOLDER}/")]
+        names = sorted(_pictures(summary))
         links = {
-            path.stem.replace("_", " "): Path(os.path.relpath(path, base)).as_posix()
-            for path in shown
+            name_of(name): Path(os.path.relpath(place / name, base)).as_posix() for name in names
         }
-        first = portrait_of(campaign.application, shown)
-        thumbnail = "" if first is None else _thumbnail(first)
+        first = portrait_of(campaign.application, names)
+        thumbnail = _thumbnail(place / first) if first else ""
         episodes.append((summary["seed"], _reason(summary), thumbnail, links))
     tables = experiment_tables(campaign.application, experiment, figures, campaign.seeds)
     words = words_of(campaign.application, tables)
-    titles = {cell for table in tables for cell in table.header}
-    columns = {word: meaning for word, meaning in words.items() if word in titles}
+    columns = columns_of(words, tables)
     return Section(
         name=campaign.name,
         title=title(campaign.name, figures, campaign.seeds),
@@ -206,22 +155,20 @@ def _section(campaign: Campaign, figures: pd.DataFrame, base: Path) -> Section:
     )
 
 
-def portrait_of(application: Application, pictures: Sequence[Path]) -> Path | None:
-    """The picture that stands for an episode: the application's choice, or else the first."""
-    chosen = [path for path in pictures if path.name == application.portrait]
-    return next(iter([*chosen, *pictures]), None)
-
-
 def _portrait(campaign: Campaign) -> tuple[str, str] | None:
     """A picture of the first episode that was done, or of the first one that ended."""
     for summary in sorted(campaign.summaries, key=lambda one: one["success"] is not True):
         place = episode_folder(campaign.folder, summary["seed"])
-        names = [name for name in summary.get("files", []) if name.startswith(f"{PLOT_FOLDER}/")]
-        path = portrait_of(campaign.application, [place / name for name in names])
-        if path is not None and path.is_file():
+        name = portrait_of(campaign.application, _pictures(summary))
+        if name and (place / name).is_file():
             outcome = _reason(summary) or "done"
-            return inline(path), f"One of the episodes, seed {summary['seed']}: {outcome}."
+            return inline(place / name), f"One of the episodes, seed {summary['seed']}: {outcome}."
     return None
+
+
+def _pictures(summary: Summary) -> list[str]:
+    """Of an episode, by their paths in its folder."""
+    return [name for name in summary.get("files", []) if name.startswith(f"{PLOT_FOLDER}/")]
 
 
 def _what_was_done(campaign: Campaign) -> list[str]:

@@ -12,17 +12,19 @@ import numpy as np
 import pandas as pd
 
 from crossmodal.diagrams.drawing.digits import fixed, written
-from crossmodal.diagrams.evaluation.campaign_report import Section, inline, page
+from crossmodal.diagrams.drawing.page import Section, page
+from crossmodal.diagrams.drawing.table import Table
+from crossmodal.diagrams.evaluation.campaign_report import inline
 from crossmodal.diagrams.evaluation.metric_table import (
     OF_THE_MACHINE,
     Summary,
-    Table,
     count,
     is_summary,
     label,
     median_and_range,
     median_error,
     metrics_of,
+    one_figure,
     quantile,
     readable,
     seed_ranges,
@@ -41,6 +43,7 @@ from crossmodal.diagrams.run.folder.run_folder import (
 )
 from crossmodal.diagrams.run.yaml_input.loader import read_yaml
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line
+from crossmodal.diagrams.run.yaml_input.values_table import unit_at
 from crossmodal.maths.arrays import Array
 
 _LONGEST = 80  # Letters of a scenario's value in a cell.
@@ -51,7 +54,9 @@ HOW_TO_COMPARE = (
     " in how many of how many episodes something is so. Coloured is what is better or worse, of"
     " evaluations by more than twice the standard error."
 )
+_SAME = "Their scenarios say the same."
 _DIGITS = 3  # Of one run's figure: its neighbour may be close.
+_SHOWN = 0.5 * 10.0**-_DIGITS  # What differs by a smaller share looks the same.
 
 
 @dataclass(kw_only=True)
@@ -154,7 +159,7 @@ def figures_table(compared: Sequence[Compared]) -> Table:
     One run has a magnitude, an evaluation the median of the magnitudes and their 5 to 95 %, or how
     often something is true. What is missing counts as infinitely large, and as not true.
     """
-    table = Table(header=["", "", *(one.heading for one in compared)])
+    table = Table(header=["", "", *(one.name for one in compared)])
     table.header += [f"{one.name} - {compared[0].name}" for one in compared[1:]]
     for metric, estimator in _in_order(compared):
         found = [
@@ -221,6 +226,8 @@ def _tone(metric: Metric, first: Array, other: Array, *, truth: bool) -> str:
     change = shares[1] - shares[0]
     if not np.isfinite([change, *errors]).all() or abs(change) <= 2.0 * math.hypot(*errors):
         return ""
+    if math.isclose(*shares, rel_tol=_SHOWN):
+        return ""
     return "good" if (change > 0.0) == (metric.better == "more") else "bad"
 
 
@@ -240,9 +247,7 @@ def _cell(values: Array, unit: str, *, truth: bool) -> str:
         return "-"
     if len(values) > 1:
         return count(values) if truth else median_and_range(values, unit)
-    scale, shown = readable(unit)
-    magnitude = written(scale * abs(float(values[0])), shown, significant=_DIGITS)
-    return ("yes" if values[0] else "no") if truth else magnitude
+    return one_figure(bool(values[0]) if truth else values[0], unit, significant=_DIGITS)
 
 
 def _difference(first: Array, other: Array, unit: str, *, truth: bool) -> str:
@@ -258,17 +263,25 @@ def _difference(first: Array, other: Array, unit: str, *, truth: bool) -> str:
     before, after = (float(quantile(values, 0.5)) for values in (first, other))
     if not np.isfinite([before, after]).all():
         return "-"
+    if math.isclose(before, after, rel_tol=_SHOWN):
+        return "same"
     scale, shown = readable(unit)
     return written(scale * (after - before), shown, signed=True)
 
 
 def scenarios_table(compared: Sequence[Compared]) -> Table:
-    """The keys in which the scenarios differ, with their values."""
+    """The keys in which the scenarios differ, with their units, and the values.
+
+    Those that all of them have come first; descriptions stand elsewhere.
+    """
     table = Table(header=["scenario", *(one.name for one in compared)])
-    for key in dict.fromkeys(key for one in compared for key in one.document):
+    keys = dict.fromkeys(key for one in compared for key in one.document if key != "description")
+    for key in sorted(keys, key=lambda key: any(key not in one.document for one in compared)):
         values = [one.document.get(key, "-") for one in compared]
         if any(value != values[0] for value in values):
-            table.rows.append([key, *map(_short, values)])
+            units = (unit_at(one.application.scenario, key) for one in compared)
+            unit = next(filter(None, units), "")
+            table.rows.append([f"{key} [{unit}]" if unit else key, *map(_short, values)])
     return table
 
 
@@ -281,23 +294,15 @@ def comparison(compared: Sequence[Compared], *, most: int | None = MAIN_ROWS) ->
     """The tables in Markdown.
 
     Args:
-        most: How many rows of figures; None for all.
+        most: How many rows of each; None for all.
     """
-    figures, differing = figures_table(compared), scenarios_table(compared)
-    shown, rest = _split(figures, most or len(figures.rows))
-    same = "Their scenarios say the same."
-    more = [f"{len(rest.rows)} more rows: --all."] if rest.rows else []
-    scenarios = differing.markdown() if differing.rows else same
-    return "\n\n".join([shown.markdown(), *more, scenarios, ""])
-
-
-def _split(table: Table, at: int) -> tuple[Table, Table]:
-    """The rows before a place, and those from there on."""
-    first, rest = (Table(header=table.header, rows=rows) for rows in
-                   (table.rows[:at], table.rows[at:]))  # fmt: skip
-    for (row, column), tone in table.tones.items():
-        (first if row < at else rest).tones[row if row < at else row - at, column] = tone
-    return first, rest
+    parts, differing = [_what_was_done(one) for one in compared], scenarios_table(compared)
+    for table in (figures_table(compared), differing):
+        more = len(table.rows) - len(table.rows[:most])
+        parts += [table.markdown(most)] if table.rows else []
+        parts += [f"{table.title}: {more}, see --all."] if more else []
+    parts += [] if differing.rows else [_SAME]
+    return "\n\n".join([*parts, ""])
 
 
 def comparison_page(compared: Sequence[Compared], origin: str) -> str:
@@ -309,21 +314,28 @@ def comparison_page(compared: Sequence[Compared], origin: str) -> str:
     names = list(dict.fromkeys(name for one in compared for name in one.pictures))
     wanted = [Path(one.application.portrait).stem.replace("_", " ") for one in compared]
     names.sort(key=lambda name: name not in wanted)
-    main, rest = _split(figures_table(compared), MAIN_ROWS)
+    main, differing = figures_table(compared), scenarios_table(compared)
+    main.fold = differing.fold = MAIN_ROWS
     begin = Section(
         title="",
+        what=[_what_was_done(one) for one in compared],
         pictures=_beside(compared, names[0]) if names else (),
-        tables=[main, scenarios_table(compared)],
-        folded=[rest],
+        tables=[main, differing],
         words=words_of(compared[0].application, [main]),
-        notes=[HOW_TO_COMPARE],
+        notes=[HOW_TO_COMPARE, *([] if differing.rows else [_SAME])],
         side_by_side=True,
     )
-    others = [
+    further = [
         Section(name=name, title=name, pictures=_beside(compared, name), side_by_side=True)
         for name in names[1:]
     ]
-    return page(" | ".join(one.name for one in compared), origin, [begin, *others])
+    return page(" | ".join(one.name for one in compared), origin, [begin, *further])
+
+
+def _what_was_done(one: Compared) -> str:
+    """Of which episodes it is, and the scenario in words."""
+    said = one.document.get("description")
+    return f"{one.heading}; {said}." if said else f"{one.heading}."
 
 
 def _beside(compared: Sequence[Compared], name: str) -> list[tuple[str, str]]:

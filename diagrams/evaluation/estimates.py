@@ -199,20 +199,21 @@ def error_metrics(units: Mapping[str, str]) -> list[Metric]:
     """
     from crossmodal.diagrams.evaluation.metric_table import mean_share, median_and_range, value_at
 
-    kinds: tuple[tuple[str, Any, Literal["less", "more"]], ...] = (
-        ("final_error", median_and_range, "less"),
-        ("rms_error", median_and_range, "less"),
-        ("inside_two_sigma", mean_share, "more"),
+    inside = "inside two reported deviations, share of ticks"
+    kinds: tuple[tuple[str, str, Any, Literal["less", "more"]], ...] = (
+        ("final_error", "error at the end", median_and_range, "less"),
+        ("rms_error", "RMS error", median_and_range, "less"),
+        ("inside_two_sigma", inside, mean_share, "more"),
     )
     return [
         Metric(
             name=f"{name}_{key}",
             value=value_at(f"quantities.{name}.{key}"),
-            unit=unit if key.endswith("error") else "",
-            title=f"{name}, {key.replace('_', ' ')}",
+            unit=unit if key.endswith("error") else "share",
+            title=f"{name}, {title}",
             cell=cell,
             better=better,
         )
         for name, unit in units.items()
-        for key, cell, better in kinds
+        for key, title, cell, better in kinds
     ]

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -10,6 +9,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from crossmodal.diagrams.drawing.digits import written, written_range
+from crossmodal.diagrams.drawing.table import Table
 from crossmodal.diagrams.run.application import Application
 from crossmodal.diagrams.run.experiment import Experiment, Metric, Reference
 from crossmodal.maths.arrays import Array
@@ -26,6 +26,7 @@ READABLE = {
     "rad/s": (180.0 / math.pi, "deg/s"),
     "m/rad": (1000.0, "mm/rad"),
     "B": (1e-9, "GB"),
+    "share": (100.0, "%"),  # Of one.
 }
 
 
@@ -136,6 +137,14 @@ def median_and_range(values: npt.ArrayLike, unit: str) -> str:
     return written_range(low, median, high, shown, error=scale * median_error(values))
 
 
+def one_figure(value: Any, unit: str, *, significant: int = 2) -> str:
+    """A single episode's: 'yes' or 'no', or the magnitude of a number in SI."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    scale, shown = readable(unit)
+    return written(scale * abs(float(value)), shown, significant=significant)
+
+
 def median_error(values: Array) -> float:
     """Standard error of the median of magnitudes, as of a normal distribution."""
     low, median, high = (float(quantile(values, share)) for share in (0.25, 0.5, 0.75))
@@ -228,27 +237,6 @@ TICK_METRICS = (
 OF_THE_MACHINE = ("wall_time", "real_time_factor", "peak_memory", "tick_median", "tick_p95")
 
 
-@dataclass(kw_only=True)
-class Table:
-    """Cells ready to be shown, the first of each row its title.
-
-    Attributes:
-        tones: Of cells that say what is better ('good') or worse ('bad'), by row and column.
-    """
-
-    header: list[str]
-    rows: list[list[str]] = field(default_factory=list)
-    tones: dict[tuple[int, int], str] = field(default_factory=dict)
-
-    def markdown(self) -> str:
-        lines = [self.header, ["---"] * len(self.header), *self.rows]
-        return "\n".join(f"| {' | '.join(_escaped(line))} |" for line in lines)
-
-
-def _escaped(cells: list[str]) -> list[str]:
-    return [cell.replace("|", "\\|").replace("\n", " ") for cell in cells]
-
-
 def values_of(figures: pd.DataFrame, metric: str, modality: str) -> tuple[Array, str] | None:
     """One value per episode, NaN for those that broke off, and the unit; None where unknown."""
     chosen = figures[(figures["metric"] == metric) & (figures["modality"] == modality)]
@@ -285,8 +273,8 @@ def experiment_tables(
 ) -> list[Table]:
     """The tables of the whole episodes and of the estimators.
 
-    Each stands beside paper and goal, where the experiment names any, and says in its corner where
-    episodes are missing.
+    Each stands beside paper and goal, where the experiment names any for its metrics, and says in
+    its corner where episodes are missing.
 
     Args:
         asked: The seeds that there should be; none: those that there are.
@@ -294,25 +282,25 @@ def experiment_tables(
     there = figures["seed"].nunique()
     corner = interrupted(there, len(asked)) if there < len(asked) else ""
     estimators = estimators_of(application, figures)
-    references = experiment.references.values()
-    beside = [kind for kind in ("paper", "goal") if any(getattr(r, kind) for r in references)]
     tables = []
     for by_estimator, columns, header in (
         (False, [""], ["all episodes"]),
         (True, estimators, [label(application, name) for name in estimators]),
     ):
-        table = Table(header=[corner, *header, *beside])
+        rows: dict[str, list[str]] = {}  # By the metric's name.
         for metric in metrics_of(application).values():
             if metric.by_estimator != by_estimator or metric.name in experiment.without:
                 continue
             cells = _cells(figures, metric, columns)
             if cells is not None:
-                reference = experiment.references.get(metric.name, Reference())
-                table.rows.append(
-                    [metric.title, *cells, *(getattr(reference, kind) for kind in beside)]
-                )
-        if table.rows:
-            tables.append(table)
+                rows[metric.name] = [metric.title, *cells]
+        references = {name: experiment.references.get(name, Reference()) for name in rows}
+        kinds = ("paper", "goal")
+        beside = [kind for kind in kinds if any(getattr(r, kind) for r in references.values())]
+        for name, row in rows.items():
+            row += [getattr(references[name], kind) for kind in beside]
+        if rows:
+            tables.append(Table(header=[corner, *header, *beside], rows=list(rows.values())))
     return tables
 
 

@@ -1,13 +1,13 @@
-"""What the words of a page's tables mean, and whether what a cell counts is good."""
+"""What the words of a page's tables mean."""
 
 import re
 from collections.abc import Mapping, Sequence
 
-from crossmodal.diagrams.evaluation.metric_table import Table
+from crossmodal.diagrams.drawing.table import Table
 from crossmodal.diagrams.run.application import Application
 
 _OF_ALL: Mapping[str, str] = {
-    "done": "In how many of the episodes the task was done; what counts as done stands above.",
+    "done": "Whether, or in how many of how many episodes, the task was done.",
     "paper": "What the paper that the system follows reports.",
     "goal": "What this project wants to reach.",
     "error": "The magnitude of estimate minus truth, which only the simulator knows.",
@@ -28,26 +28,25 @@ _OF_ALL: Mapping[str, str] = {
 }
 
 
-def words_of(application: Application, tables: Sequence[Table]) -> dict[str, str]:
-    """What the words mean that stand in the titles of columns and rows.
+def words_of(
+    application: Application, tables: Sequence[Table], lines: Sequence[str] = ()
+) -> dict[str, str]:
+    """What the words mean that stand in the titles of columns and rows, or in lines of text.
 
     Those of the application come first, in its order.
     """
     titles = [text for table in tables for text in [*table.header, *(row[0] for row in table.rows)]]
-    text = "\n".join(titles).lower()
+    text = "\n".join([*titles, *lines])
     known = {**application.glossary, **_OF_ALL}
-    return {word: meaning for word, meaning in known.items() if word.lower() in text}
+    return {word: meaning for word, meaning in known.items() if _stands_in(word, text)}
 
 
-def tone(table: Table, row: int, column: int) -> str:
-    """'good', 'mixed' or 'bad', as the table says or for a count '2/2', '1/2' or '0/2'; or empty.
+def _stands_in(word: str, text: str) -> bool:
+    """Whether a text has the word as it is, neither its plural nor its genitive."""
+    return bool(re.search(rf"(?<!\w){re.escape(word)}(?!['\w])", text, re.IGNORECASE))
 
-    What a paper reports and what is a goal is no result.
-    """
-    if (row, column) in table.tones:
-        return table.tones[row, column]
-    found = re.match(r"(\d+)/(\d+)\b", table.rows[row][column])
-    if found is None or table.header[column] in ("paper", "goal"):
-        return ""
-    done, of = map(int, found.groups())
-    return "good" if done == of else "mixed" if done else "bad"
+
+def columns_of(words: Mapping[str, str], tables: Sequence[Table]) -> dict[str, str]:
+    """Those of the words that are titles of columns."""
+    titles = {cell for table in tables for cell in table.header}
+    return {word: meaning for word, meaning in words.items() if word in titles}

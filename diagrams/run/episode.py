@@ -538,8 +538,10 @@ def _add_sensor_recorder(
 
 def recorded_page(meshcat: Meshcat) -> str:
     """Meshcat's recording as one page that opens without a server."""
+    from crossmodal.diagrams.drawing.legend import KEEPS_BOARDS
+
     meshcat.PublishRecording()
-    return meshcat.StaticHtml()
+    return meshcat.StaticHtml() + KEEPS_BOARDS
 
 
 def run_episode(

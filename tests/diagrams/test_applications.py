@@ -18,7 +18,7 @@ from crossmodal.diagrams.applications import (
     scenario_files,
 )
 from crossmodal.diagrams.command_line import app
-from crossmodal.diagrams.run.folder.run_folder import write_run
+from crossmodal.diagrams.evaluation.run_writer import write_run
 from crossmodal.diagrams.run.scenario import Scenario
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 

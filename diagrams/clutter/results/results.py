@@ -269,6 +269,9 @@ def metrics() -> list[Metric]:
         median_and_range,
     )
 
+    def median_and_mean(values: Array, unit: str) -> str:
+        return f"{median_and_range(values, unit)}, mean {mean_and_deviation(values, unit)}"
+
     def metric(
         name: str,
         title: str,
@@ -276,17 +279,20 @@ def metrics() -> list[Metric]:
         unit: str = "m",
         cell: Callable[[Array, str], str] = median_and_range,
     ) -> Metric:
-        better: Literal["less", "more"] = "less" if unit else "more"
+        better: Literal["less", "more"] = "more" if unit == "share" else "less"
         return Metric(name=name, value=value, unit=unit, title=title, cell=cell, better=better)
 
     return [
-        metric("adi", "ADI at the end", _last("adi")),
-        metric("adi_mean", "ADI at the end, mean", _last("adi"), cell=mean_and_deviation),
+        metric("adi", "ADI at the end", _last("adi"), cell=median_and_mean),
         metric("adi_before", "ADI before the last four measurements", _before_choice),
         metric("adi_as_met", "ADI at the end, as the touching arm meets it", _last_as_met),
         metric("translation", "translation error at the end", _last("translation_error")),
         metric("rotation", "rotation error at the end", _last("rotation_error"), "rad"),
         metric(
-            "inside", "pose inside its claimed 95 % region, all stages", _inside, "", mean_share
+            "inside",
+            "pose inside its claimed 95 % region, all stages",
+            _inside,
+            "share",
+            mean_share,
         ),
     ]

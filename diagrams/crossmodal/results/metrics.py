@@ -25,12 +25,25 @@ _TURNING = ("revolute", "screw")
 _joint = value_at("joints.0")
 
 
+def _type(record: Mapping[str, Any]) -> str | None:
+    """The true joint's; the estimated one's where the truth is not known."""
+    joint = _joint(record)
+    found: str | None = joint["type_true"] or joint["type_estimated"]
+    return found
+
+
 def _unit(record: Mapping[str, Any]) -> str:
-    return unit_of(_joint(record)["type_true"])
+    return unit_of(_type(record))
 
 
 def _force_unit(record: Mapping[str, Any]) -> str:
     return "N" if _unit(record) == "m" else "N m"
+
+
+def _type_is_right(record: Mapping[str, Any]) -> bool | None:
+    joint = _joint(record)
+    known = joint["type_true"] is not None
+    return joint["type_estimated"] == joint["type_true"] if known else None
 
 
 def _unit_of_episode(summary: Mapping[str, Any]) -> str:
@@ -54,6 +67,7 @@ def _of_joint(
     *,
     path: str = "",
     kinds: tuple[str, ...] = (),
+    of_type: str = "type_true",
     cell: Callable[..., str] = median_and_range,
     better: Literal["", "less", "more"] = "",
 ) -> Metric:
@@ -62,16 +76,18 @@ def _of_joint(
     Args:
         path: Where, if not under its name.
         kinds: True types of joints that have it; none: all of them.
+        of_type: Where the type stands whose unit it has. Where that is another unit than the true
+            type's, there is no figure, which could not be compared.
     """
-    value = value_at(f"joints.0.{path or name}")
+    value, its_type = value_at(f"joints.0.{path or name}"), value_at(f"joints.0.{of_type}")
 
     def value_of_kind(record: Mapping[str, Any]) -> Any:
-        if _joint(record)["type_true"] not in kinds:
+        if kinds and _joint(record)["type_true"] not in kinds:
             raise KeyError(f"only {kinds} have a {name}")
-        return value(record)
+        found = value(record)
+        return found if unit_of(its_type(record) or _type(record)) == _unit(record) else None
 
-    chosen = value_of_kind if kinds else value
-    return Metric(name=name, value=chosen, unit=unit, title=title, cell=cell, better=better)
+    return Metric(name=name, value=value_of_kind, unit=unit, title=title, cell=cell, better=better)
 
 
 def _reached_stops(record: Mapping[str, Any]) -> bool:
@@ -113,7 +129,7 @@ METRICS = (
     ),
     Metric(
         name="type_right",
-        value=lambda record: _joint(record)["type_estimated"] == _joint(record)["type_true"],
+        value=_type_is_right,
         title="joint type right at the end",
         cell=count,
         better="more",
@@ -121,7 +137,12 @@ METRICS = (
     ),
     Metric(name="configuration_true", value=value_at("joints.0.configuration_true"), unit=_unit),
     _of_joint("configuration_error", "configuration error at the end", _unit, better="less"),
-    _of_joint("configuration_std", "configuration's reported deviation at the end", _unit),
+    _of_joint(
+        "configuration_std",
+        "configuration's reported deviation at the end",
+        _unit,
+        of_type="type_estimated",
+    ),
     _of_joint(
         "configuration_error_at_turn",
         "configuration error at the turning point",
@@ -160,6 +181,7 @@ METRICS = (
             title,
             unit,
             path=f"mechanics.resistance.{key}",
+            of_type="mechanics.type",
             cell=cell,
             better=better,
         )
@@ -177,6 +199,7 @@ METRICS = (
         _of_joint(
             f"consistency_{key}{side}",
             f"{whose} NEES {where}",
+            "share",
             path=f"consistency.{key}{side}",
             cell=mean_share,
             better=better,

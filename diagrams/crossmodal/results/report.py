@@ -217,7 +217,7 @@ def final_beliefs(summary: Mapping[str, Any]) -> pd.DataFrame:
             "type": joint["type_estimated"],
             "probability": written(joint["probability"], significant=3),
             "configuration error": _scaled(joint["configuration_error"], unit),
-            "its deviation": _scaled(joint["configuration_std"], unit),
+            "its deviation": _scaled(joint["configuration_std"], unit_of(joint["type_estimated"])),
             "axis direction error": _scaled(joint["axis_angle_error"], "rad"),
         }
     return pd.DataFrame.from_dict(rows, orient="index")

@@ -13,6 +13,7 @@ from crossmodal.diagrams.crossmodal.scenario import SCENARIO_FOLDER, Scenario, r
 from crossmodal.diagrams.crossmodal.studies.ablations import Ablation, find_ablation
 from crossmodal.diagrams.drawing.digits import written
 from crossmodal.diagrams.evaluation.metric_table import readable
+from crossmodal.diagrams.evaluation.run_writer import write_run
 from crossmodal.diagrams.joints.joint_metrics import unit_of
 from crossmodal.diagrams.run.application import Application
 from crossmodal.diagrams.run.episode import run_episode
@@ -21,7 +22,6 @@ from crossmodal.diagrams.run.folder.run_folder import (
     SENSORS_FILE,
     make_folder,
     without_nan,
-    write_run,
     write_text,
 )
 from crossmodal.diagrams.run.record import EpisodeRecord

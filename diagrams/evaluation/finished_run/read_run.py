@@ -19,6 +19,7 @@ from crossmodal.diagrams.run.application import Application
 from crossmodal.diagrams.run.folder.run_folder import (
     ESTIMATES_FILE,
     MESHCAT_FILE,
+    PAGE_FILE,
     PLOT_FOLDER,
     SCENARIO_FILE,
     SUMMARY_FILE,
@@ -100,9 +101,10 @@ def read_finished_run(
     if not (run.has_scene or run.pictures or summary or there):
         raise ScenarioError(_nothing_to_show(folder))
     if not run.has_scene:
+        again = f"`crossmodal run {folder / SCENARIO_FILE}`"
         run.missing.append(
-            f"The scene is not shown: there is no {MESHCAT_FILE}, which `crossmodal run` writes"
-            " but for --no-recording, and evaluations and replays do not write."
+            f"The scene is not shown: there is no {MESHCAT_FILE}, which evaluations, replays and"
+            f" applications without a scene do not write; {again} simulates an episode again."
         )
     _read_scenario(run, find_application)
     _read_outcome(run, summary)
@@ -114,12 +116,15 @@ def read_finished_run(
 
 
 def _nothing_to_show(folder: Path) -> str:
-    episodes = sorted(path.name for path in folder.glob("seed-[0-9]*") if path.is_dir())
-    if episodes:
-        return f"{folder}: is an evaluation; show one of its episodes, as {folder / episodes[0]}"
+    """What to show instead, in a line."""
+    runs = sorted({*folder.glob(f"*/{SUMMARY_FILE}"), *folder.glob(f"*/*/{SUMMARY_FILE}")})
+    if runs:
+        page, text = folder / PAGE_FILE, f"{folder}: holds {len(runs)} runs"
+        text += f"; show one of them, as crossmodal show {runs[0].parent}"
+        return f"{text}; open {page} in a browser for all together" if page.is_file() else text
     return (
         f"{folder}: holds nothing of a run: neither {SUMMARY_FILE}, {ESTIMATES_FILE},"
-        f" {MESHCAT_FILE} nor {PLOT_FOLDER}/*.png"
+        f" {MESHCAT_FILE} nor {PLOT_FOLDER}/*.png; name a folder that `crossmodal run` has written"
     )
 
 

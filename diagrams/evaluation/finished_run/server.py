@@ -12,6 +12,7 @@ from typing import Any
 from urllib.parse import unquote, urlsplit
 
 from crossmodal.diagrams.drawing.estimate_plots import draw_estimates
+from crossmodal.diagrams.drawing.legend import KEEPS_BOARDS
 from crossmodal.diagrams.drawing.page import png_address, render
 from crossmodal.diagrams.drawing.palette import estimator_color
 from crossmodal.diagrams.drawing.plot_style import panels_over_time, save
@@ -67,9 +68,9 @@ class RunServer(ThreadingHTTPServer):
         if path == "/estimates.json":
             return _JSON, _POLICY, self._values
         if path == "/scene.html" and self._run.has_scene:
-            scene, script = self._read(MESHCAT_FILE), (_HERE / "scene.js").read_bytes()
-            moved = b"<script>" + script + b"</script>"
-            return None if scene is None else (_HTML, _SCENE_POLICY, scene + moved)
+            scene, script = self._read(MESHCAT_FILE), (_HERE / "scene.js").read_text()
+            added = f"{KEEPS_BOARDS}<script>{script}</script>".encode()
+            return None if scene is None else (_HTML, _SCENE_POLICY, scene + added)
         if path.lstrip("/") in self._run.pictures:
             picture = self._read(path.lstrip("/"))
             return None if picture is None else ("image/png", _POLICY, picture)

@@ -53,6 +53,7 @@ METRICS = (
             name=f"{key}_inside_two_sigma",
             value=value_at(f"flap.inside_two_sigma.{key}"),
             title=f"{title} inside two reported deviations, share of ticks",
+            unit="share",
             cell=mean_share,
             better="more",
         )

@@ -34,6 +34,13 @@ def versions() -> dict[str, str]:
     return found
 
 
+def program() -> str:
+    """The program, its sources and Drake, in a line."""
+    known = versions()
+    of_drake = f"Drake {known['drake']}"
+    return f"crossmodal {known['crossmodal']} (source {known['source']}), {of_drake}"
+
+
 def _stamp_of_all() -> str:
     # Room by room: in a checkout they are links, which a pattern does not follow.
     return sources_stamp(*(path for room in PACKAGE.iterdir() for path in room.rglob("*.py")))

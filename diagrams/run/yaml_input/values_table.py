@@ -10,7 +10,7 @@ import tokenize
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import Any, get_args, get_origin, get_type_hints
 
 import numpy as np
 
@@ -58,6 +58,25 @@ def values_table(config: Any, key: str = "") -> list[ValueLine]:
         meaning, possible = _declaration(at, name, meaning)
         at = below[name]
     return list(_lines(at, key, possible, meaning))
+
+
+def unit_at(config: Any, key: str) -> str:
+    """The unit that is declared for a value of a configuration; empty where none is.
+
+    Args:
+        config: A dataclass, a mapping to dataclasses, or an optional one, as a type.
+        key: Path of the value.
+    """
+    name, _, below = key.partition(".")
+    if not dataclasses.is_dataclass(config):
+        held = next((kind for kind in get_args(config) if dataclasses.is_dataclass(kind)), None)
+        path = below if get_origin(config) is dict else key
+        return unit_at(held, path) if held is not None and path else ""
+    field = next((field for field in dataclasses.fields(config) if field.name == name), None)
+    if field is not None and below:
+        return unit_at(get_type_hints(config)[name], below)
+    found = None if field is None else declared(field)
+    return "" if found is None else found.unit
 
 
 def _parts(at: Any) -> Mapping[str, Any]:

@@ -14,10 +14,11 @@ from crossmodal.diagrams.clutter.estimators import load_model
 from crossmodal.diagrams.clutter.results.results import average_distance
 from crossmodal.diagrams.clutter.start import first_guess, true_pose
 from crossmodal.diagrams.command_line import app
+from crossmodal.diagrams.evaluation.run_writer import write_run
 from crossmodal.diagrams.run.application import Results
 from crossmodal.diagrams.run.episode import run_episode
 from crossmodal.diagrams.run.folder.fingerprint import contents
-from crossmodal.diagrams.run.folder.run_folder import SENSORS_FILE, SUMMARY_FILE, write_run
+from crossmodal.diagrams.run.folder.run_folder import SENSORS_FILE, SUMMARY_FILE
 from crossmodal.diagrams.run.record import EpisodeRecord
 from crossmodal.diagrams.run.replay import replay
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError

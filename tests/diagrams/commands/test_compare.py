@@ -23,7 +23,7 @@ def test_compare_prints_a_table_and_writes_a_page() -> None:
     result = RUNNER.invoke(app, ["compare", "a", "b", "--out", "page.html"])
     assert result.exit_code == 0, result.output
     assert "| duration |  | 20 s | 22 s | +2 s |" in result.output
-    assert "| duration | 20.0 | 22.0 |" in result.output
+    assert "| duration [s] | 20.0 | 22.0 |" in result.output
     assert "<td>+2 s</td>" in Path("page.html").read_text()
     again = ["compare", "a", "b", "--out", "page.html"]
     assert RUNNER.invoke(app, again).exit_code == 2

@@ -10,7 +10,8 @@ from synthetic_episode import synthetic_episode
 from crossmodal.diagrams.applications import load_scenario
 from crossmodal.diagrams.evaluation.campaign import Campaign, episode_folder, prepare
 from crossmodal.diagrams.evaluation.campaign_report import made_by, write_campaign, write_overview
-from crossmodal.diagrams.run.folder.run_folder import finished_summary, write_run
+from crossmodal.diagrams.evaluation.run_writer import write_run
+from crossmodal.diagrams.run.folder.run_folder import finished_summary
 
 
 def finished_campaign(folder: Path, name: str = "drawer", *, plots: bool = True) -> Campaign:

@@ -50,9 +50,8 @@ def two_runs(tmp_path: Path) -> list[Compared]:
 
 
 def test_two_runs_stand_side_by_side_with_their_differences(two_runs: list[Compared]) -> None:
-    assert figures_table(two_runs).header == [
-        "", "", "before: seed 3", "after: seed 3", "after - before",
-    ]  # fmt: skip
+    assert figures_table(two_runs).header == ["", "", "before", "after", "after - before"]
+    assert comparison(two_runs).startswith("before: seed 3.\n\nafter: seed 3.\n\n|")
     found = rows(two_runs)
     assert found["error of the distance", "the left eye"] == [
         "2 mm", "0.500 mm", "-1.5 mm, better",
@@ -71,12 +70,30 @@ def test_a_share_of_one_is_no_truth(tmp_path: Path, two_runs: list[Compared]) ->
     assert rows(two_runs)["duration", ""] == ["1 s", "21.5 s", "+20 s"]
 
 
+def test_what_differs_in_the_last_bits_is_the_same(two_runs: list[Compared]) -> None:
+    figures = two_runs[1].figures
+    figures.loc[figures["metric"] == "distance_error", "value"] = 0.002 + 1e-12
+    assert rows(two_runs)["error of the distance", "the left eye"][-1] == "same"
+
+
 def test_each_figure_has_its_own_unit_and_none_is_taken_from_one_of_another(
     two_runs: list[Compared],
 ) -> None:
     figures = two_runs[1].figures
     figures.loc[figures["metric"] == "distance_error", "unit"] = "rad"
     assert rows(two_runs)["error of the distance", "the left eye"] == ["2 mm", "0.0286 deg", "-"]
+
+
+def test_rows_after_the_eighth_and_keys_that_only_one_has_are_for_who_asks(
+    two_runs: list[Compared],
+) -> None:
+    two_runs[0].document |= {f"key{number}": number for number in range(9)}
+    for one, duration in zip(two_runs, (20.0, 30.0), strict=True):
+        one.document["duration"] = duration
+    assert scenarios_table(two_runs).rows[0] == ["duration [s]", "20.0", "30.0"]
+    assert "more rows: 3, see --all" in comparison(two_runs)
+    assert "--all" not in comparison(two_runs, most=None)
+    assert "<summary>more rows (3)</summary>" in comparison_page(two_runs, "")
 
 
 def test_only_the_keys_that_differ_are_shown_with_their_values(two_runs: list[Compared]) -> None:

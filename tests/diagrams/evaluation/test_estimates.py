@@ -126,7 +126,7 @@ def test_metrics_of_the_errors_are_read_from_the_summary() -> None:
     left = summary["modalities"]["left"]
     assert_allclose(metrics["angle_final_error"].value(left), 0.1)
     assert metrics["angle_final_error"].unit == "rad"
-    assert metrics["angle_inside_two_sigma"].unit == ""
+    assert metrics["angle_inside_two_sigma"].unit == "share"
     assert metrics["place_x_rms_error"].value(left) == 0.0
 
 

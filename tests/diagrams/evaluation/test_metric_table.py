@@ -129,8 +129,8 @@ def test_cells_are_written_in_units_for_people() -> None:
 def test_an_episode_that_broke_off_counts_against_every_modality() -> None:
     degree = np.pi / 180
     rows = cells([summary(0, degree), summary(1, 3 * degree), summary(2, 5 * degree), broken(3)])
-    assert rows["done"] == ["3/4", "", ""]
-    assert rows["exploration error"] == ["0.57 ± 0.00 deg (1 without)", "1.3 deg", ""]
+    assert rows["done"] == ["3/4", ""]
+    assert rows["exploration error"] == ["0.57 ± 0.00 deg (1 without)", "1.3 deg"]
     assert rows["joint type right at the end"][:2] == ["0/4", "3/4"]
     assert rows["configuration error at the end"] == [
         "none",
@@ -172,7 +172,7 @@ def test_the_markdown_holds_tables_reasons_and_origin() -> None:
 def test_there_is_a_table_even_if_all_episodes_broke() -> None:
     figures = tidy_metrics(APPLICATION, "door", [broken(1)])
     assert [table.rows for table in experiment_tables(APPLICATION, EXPERIMENT, figures)] == [
-        [["done", "0/1", "", ""]]
+        [["done", "0/1"]]
     ]
     assert failures_table(figures).rows == [["1", "RuntimeError: no | way"]]
 
@@ -236,10 +236,10 @@ def test_an_application_of_two_metrics_has_its_own_tables() -> None:
     assert sorted(known.value.dropna()) == [0.001, 0.003, 0.004]
     assert set(known.unit) == {"m"}
     first, second = experiment_tables(TOY, TOY.experiments["near"], figures)
-    assert first.header == ["", "all episodes", "paper", "goal"]
+    assert first.header == ["", "all episodes", "goal"]
     assert second.header == ["", "the left eye", "right", "paper", "goal"]
     rows = toy_cells("near", summaries)
-    assert rows["scored"] == ["1/3", "", "all"]
+    assert rows["scored"] == ["1/3", "all"]
     assert rows["error of the distance"] == [
         "3 (1 to none) mm", "none (4 to none) mm", "3 mm", "1 mm"
     ]  # fmt: skip
@@ -247,15 +247,15 @@ def test_an_application_of_two_metrics_has_its_own_tables() -> None:
     assert rows["tick"][0] == "20 (20 to 20) ms"
 
 
-def test_paper_and_goal_have_columns_where_the_experiment_names_any() -> None:
+def test_paper_and_goal_have_columns_where_the_experiment_names_any_for_the_figures() -> None:
     figures = tidy_metrics(TOY, "far", [toy_summary(0, 0.001, 0.004)])
     for table in experiment_tables(TOY, Experiment(scenario="far", description=""), figures):
         assert not {"paper", "goal"} & set(table.header)
     goal = {"distance_error": Reference(goal="1 mm")}
     named = Experiment(scenario="far", description="", references=goal)
-    for table in experiment_tables(TOY, named, figures):
-        assert table.header[-1] == "goal"
-        assert "paper" not in table.header
+    first, second = experiment_tables(TOY, named, figures)
+    assert first.header == ["", "all episodes"]  # The goal is none of these figures'.
+    assert second.header == ["", "the left eye", "right", "goal"]
 
 
 def test_a_metric_that_means_nothing_in_an_experiment_has_no_row() -> None:

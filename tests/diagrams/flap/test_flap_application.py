@@ -9,13 +9,13 @@ from truth_paths import truth_paths, truth_references
 
 from crossmodal.diagrams.applications import applications, load_scenario, scenarios_of
 from crossmodal.diagrams.drawing.meshcat import start_meshcat
+from crossmodal.diagrams.evaluation.run_writer import write_run
 from crossmodal.diagrams.flap.application import APPLICATION
 from crossmodal.diagrams.flap.episode_parts import PERCEIVED
 from crossmodal.diagrams.flap.estimator_names import ESTIMATORS
 from crossmodal.diagrams.flap.experiments import EXPERIMENTS
 from crossmodal.diagrams.flap.meshcat_view import MeshcatView
 from crossmodal.diagrams.run.episode import Episode
-from crossmodal.diagrams.run.folder.run_folder import write_run
 from crossmodal.diagrams.run.record import EpisodeRecord
 from crossmodal.diagrams.run.replay import replay
 

@@ -5,9 +5,9 @@ import pytest
 from synthetic_episode import synthetic_episode, without_truth
 
 from crossmodal.diagrams.crossmodal.application import APPLICATION
+from crossmodal.diagrams.evaluation.run_writer import write_run
 from crossmodal.diagrams.joints.joint_errors import error_panels, errors_over_time, read_errors
 from crossmodal.diagrams.joints.joint_metrics import joint_episode
-from crossmodal.diagrams.run.folder.run_folder import write_run
 from crossmodal.diagrams.run.record import EpisodeRecord
 from crossmodal.systems.port_values import JointType
 

@@ -13,10 +13,10 @@ from crossmodal.diagrams.crossmodal.application import APPLICATION
 from crossmodal.diagrams.crossmodal.results.plots import draw_mechanics
 from crossmodal.diagrams.crossmodal.results.results import evaluate
 from crossmodal.diagrams.evaluation.metric_table import tidy_metrics
+from crossmodal.diagrams.evaluation.run_writer import summarise
 from crossmodal.diagrams.joints.joint_metrics import joint_episode, joints_of
 from crossmodal.diagrams.joints.joint_truth import JointMechanicsTruth, joint_mechanics
 from crossmodal.diagrams.joints.mechanics_record import mechanics_line
-from crossmodal.diagrams.run.folder.run_folder import summarise
 from crossmodal.diagrams.run.record import EpisodeRecord
 from crossmodal.models import SDF_DIR
 from crossmodal.plants.parsing import make_parser

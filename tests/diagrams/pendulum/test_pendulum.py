@@ -147,8 +147,8 @@ def test_a_replay_has_the_runs_ticks_wherever_between_two_it_ended(
 
 
 def test_an_evaluations_files_hold_its_metric(evaluated: Path) -> None:
-    assert "angle, rms error" in (evaluated / "table.md").read_text()
-    assert "angle, rms error" in (evaluated / "report.html").read_text()
+    assert "angle, RMS error" in (evaluated / "table.md").read_text()
+    assert "angle, RMS error" in (evaluated / "report.html").read_text()
     figures = pd.read_csv(evaluated / "results.csv")
     errors = figures[(figures["metric"] == "angle_rms_error") & (figures["modality"] == "stubborn")]
     assert errors["seed"].tolist() == [0, 1, 2]

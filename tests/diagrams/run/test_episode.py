@@ -10,6 +10,7 @@ from pydrake.geometry import Box
 
 from crossmodal.diagrams.applications import load_scenario
 from crossmodal.diagrams.crossmodal.application import APPLICATION
+from crossmodal.diagrams.evaluation.run_writer import write_run
 from crossmodal.diagrams.joints.joint_metrics import (
     JointEpisode,
     configuration_since_grasp,
@@ -17,7 +18,7 @@ from crossmodal.diagrams.joints.joint_metrics import (
     opening_at,
 )
 from crossmodal.diagrams.run.episode import build_station, building, run_episode
-from crossmodal.diagrams.run.folder.run_folder import SUMMARY_FILE, write_run
+from crossmodal.diagrams.run.folder.run_folder import SUMMARY_FILE
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 from crossmodal.systems.port_values import JointType
 

@@ -16,15 +16,10 @@ from crossmodal.diagrams.crossmodal.application import APPLICATION
 from crossmodal.diagrams.crossmodal.episode_parts import TOPICS
 from crossmodal.diagrams.crossmodal.estimators import CROSSMODAL_CONNECTIONS, make_network
 from crossmodal.diagrams.crossmodal.scenario import Scenario
+from crossmodal.diagrams.evaluation.run_writer import summarise, write_run
 from crossmodal.diagrams.joints.joint_metrics import JointEpisode, joint_episode
 from crossmodal.diagrams.run.episode import build_estimators, stream_models
-from crossmodal.diagrams.run.folder.run_folder import (
-    ESTIMATES_FILE,
-    SENSORS_FILE,
-    SUMMARY_FILE,
-    summarise,
-    write_run,
-)
+from crossmodal.diagrams.run.folder.run_folder import ESTIMATES_FILE, SENSORS_FILE, SUMMARY_FILE
 from crossmodal.diagrams.run.record import Tick
 from crossmodal.diagrams.run.replay import check_recorded, replay
 from crossmodal.diagrams.run.sensor_streams.log import (

@@ -13,9 +13,9 @@ from crossmodal.diagrams.crossmodal.results.report import final_beliefs
 from crossmodal.diagrams.crossmodal.results.results import evaluate
 from crossmodal.diagrams.evaluation.estimates import COLUMNS
 from crossmodal.diagrams.evaluation.metric_table import tidy_metrics
+from crossmodal.diagrams.evaluation.run_writer import summarise
 from crossmodal.diagrams.joints.joint_metrics import joint_episode
 from crossmodal.diagrams.joints.joint_record import summarise_joint
-from crossmodal.diagrams.run.folder.run_folder import summarise
 from crossmodal.diagrams.run.record import EpisodeRecord
 from crossmodal.systems.port_values import JointType
 

@@ -30,3 +30,14 @@ def test_every_column_of_the_overview_is_a_metric_of_its_kind() -> None:
 
 def test_no_two_metrics_have_one_name() -> None:
     assert len(METRICS) == len((*EPISODE_METRICS, *APPLICATION.metrics, *TICK_METRICS))
+
+
+def test_a_deviation_in_another_unit_than_the_truths_is_no_figure() -> None:
+    drawer = {"type_true": "prismatic", "type_estimated": "prismatic", "configuration_std": 0.01}
+    of_another = drawer | {"type_estimated": "revolute"}
+    unknown = of_another | {"type_true": None}
+    metric, right = METRICS["configuration_std"], METRICS["type_right"]
+    found = [{"joints": [joint]} for joint in (drawer, of_another, unknown)]
+    assert [metric.value(one) for one in found] == [0.01, None, 0.01]
+    assert [metric.unit_in(one) for one in found] == ["m", "m", "rad"]
+    assert [right.value(one) for one in found] == [True, False, None]

@@ -158,9 +158,20 @@ def test_a_plot_without_marks_has_no_cursor_and_a_line_says_so(folder: Path) -> 
 def test_where_there_is_nothing_to_show_it_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ScenarioError, match="holds nothing of a run"):
         read(tmp_path)
-    (tmp_path / "seed-0003").mkdir()
-    with pytest.raises(ScenarioError, match=r"is an evaluation; show one .*seed-0003"):
-        read(tmp_path)
+
+
+def test_a_folder_of_runs_names_one_of_them_and_its_page(folder: Path) -> None:
+    above = folder.parent
+    with pytest.raises(ScenarioError, match=r"holds 1 runs; show one .* crossmodal show .*/run$"):
+        read(above)
+    evaluation = above / "evaluation"
+    evaluation.mkdir()
+    folder.rename(evaluation / "seed-0003")
+    (evaluation / "report.html").write_text("")
+    with pytest.raises(ScenarioError, match=r"seed-0003; open .*/report.html in a browser"):
+        read(evaluation)
+    with pytest.raises(ScenarioError, match=r"crossmodal show .*/evaluation/seed-0003$"):
+        read(above)
 
 
 def test_nothing_but_what_is_shown_is_served(folder: Path) -> None:

@@ -9,8 +9,9 @@ import pandas as pd
 import pytest
 
 from crossmodal.diagrams.applications import OWN, load_scenario
+from crossmodal.diagrams.evaluation.run_writer import write_run
 from crossmodal.diagrams.run.episode import run_episode
-from crossmodal.diagrams.run.folder.run_folder import SENSORS_FILE, write_run
+from crossmodal.diagrams.run.folder.run_folder import SENSORS_FILE
 from crossmodal.diagrams.run.recorded_scenario import check_replaced
 from crossmodal.diagrams.run.replay import replay
 from crossmodal.diagrams.run.scenario import Disturbances

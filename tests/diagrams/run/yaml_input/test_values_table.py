@@ -7,7 +7,7 @@ import pytest
 
 from crossmodal.diagrams.applications import applications, load_scenario, scenarios_of
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
-from crossmodal.diagrams.run.yaml_input.values_table import values_table
+from crossmodal.diagrams.run.yaml_input.values_table import unit_at, values_table
 from crossmodal.maths.validation import number, numbers
 
 
@@ -33,6 +33,11 @@ class Wheel:
 class Car:
     wheels: dict[str, Wheel] = field(default_factory=lambda: {"left": Wheel()})  # By name.
     spare: Wheel = field(default_factory=Wheel)
+
+
+@dataclass(kw_only=True)
+class Trailer:
+    wheel: Wheel | None = None
 
 
 def test_each_value_has_its_range_and_the_comment_at_its_declaration() -> None:
@@ -74,3 +79,18 @@ def test_most_numbers_of_the_scenarios_are_explained(name: str) -> None:
     ranged = [line for line in lines if line.possible]
     assert len(ranged) > 100
     assert np.mean([bool(line.meaning) for line in ranged]) > 0.8
+
+
+def test_a_declared_unit_is_found_by_its_key() -> None:
+    of_car = [(Car, "spare.radius"), (Car, "wheels.left.centre")]
+    for config, key in [*of_car, (Trailer, "wheel.radius")]:
+        assert unit_at(config, key) == "m"
+    for key in (
+        "spare.spokes",
+        "spare.none",
+        "wheels.left",
+        "wheels",
+        "none.radius",
+        "spare.radius.x",
+    ):
+        assert unit_at(Car, key) == ""

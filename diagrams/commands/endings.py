@@ -26,6 +26,7 @@ def one_line_errors(log: RunLog | None = None) -> Iterator[None]:
     Args:
         log: Keeps warnings and what Drake says.
     """
+    from crossmodal.diagrams.run.own_code import place_of, told, traceback_of
     from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line
 
     drake = logging.getLogger("drake")  # Its level is set anew by each import.
@@ -46,6 +47,13 @@ def one_line_errors(log: RunLog | None = None) -> Iterator[None]:
         if error.errno not in (errno.ENOSPC, errno.EDQUOT):
             raise
         typer.echo("crossmodal: no space left for the results: free some or change --out", err=True)
+        raise typer.Exit(FAILED) from None
+    except Exception as error:
+        if not place_of(error):
+            raise
+        if log is not None:
+            log.note(traceback_of(error))
+        typer.echo(f"crossmodal: {told(error)}", err=True)
         raise typer.Exit(FAILED) from None
     except KeyboardInterrupt:
         typer.echo("crossmodal: interrupted; nothing unfinished is kept", err=True)

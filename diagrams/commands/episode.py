@@ -12,7 +12,7 @@ import threading
 import traceback
 from pathlib import Path
 
-from crossmodal.diagrams.evaluation.run_writer import write_run
+from crossmodal.diagrams.evaluation.run_writer import evaluated, write_run
 from crossmodal.diagrams.run.folder.run_folder import SCENARIO_FILE, write_text
 from crossmodal.diagrams.run.process import ERROR_FILE
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line
@@ -26,7 +26,7 @@ def run_here(folder: Path) -> int:
     try:
         application, scenario = load_scenario(str(folder / SCENARIO_FILE))
         record = run_episode(application, scenario)
-        write_run(folder, application, record, application.evaluate(record))
+        write_run(folder, application, record, evaluated(application, record))
     except Exception as error:
         name = "" if isinstance(error, ScenarioError) else f"{type(error).__name__}: "
         text = f"{name}{one_line(error)}\n\n{traceback.format_exc()}"

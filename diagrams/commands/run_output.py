@@ -20,9 +20,11 @@ def write_and_report(
 
     What was perceived is said before the large files are written, which may not fit on the disk.
     """
-    from crossmodal.diagrams.evaluation.run_writer import RunWriter
+    from crossmodal.diagrams.evaluation.run_writer import RunWriter, evaluated
 
-    results = application.evaluate(record)
+    results = evaluated(application, record)
+    if record.traceback:
+        log.note(record.traceback)
     writer = RunWriter(folder, application, record, results, log=log.text(record))
     writer.write_results()
     summary = writer.summary

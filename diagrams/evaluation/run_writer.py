@@ -3,12 +3,14 @@
 import json
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from crossmodal.diagrams.evaluation.estimates import estimates_table
 from crossmodal.diagrams.run.application import Application, Results
 from crossmodal.diagrams.run.folder.fingerprint import fingerprint
 from crossmodal.diagrams.run.folder.kept_files import kept_files
@@ -31,6 +33,7 @@ from crossmodal.diagrams.run.folder.run_folder import (
     write_scenario,
     write_within,
 )
+from crossmodal.diagrams.run.own_code import place_of, told, traceback_of
 from crossmodal.diagrams.run.record import EpisodeRecord
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 
@@ -179,6 +182,19 @@ def write_run(
     if writer.missing:
         raise ScenarioError("; ".join(writer.missing))
     return writer.written
+
+
+def evaluated(application: Application, record: EpisodeRecord) -> Results:
+    """What an episode comes to, also where code of a user's own broke off or cannot evaluate it."""
+    try:
+        results = application.evaluate(record)
+    except Exception as error:
+        if not record.failure and not place_of(error):
+            raise
+        if not record.failure:
+            record.failure, record.traceback = told(error), traceback_of(error)
+        results = Results(failure=None, estimates=estimates_table({}), summary={"modalities": {}})
+    return replace(results, failure=record.failure) if record.failure else results
 
 
 def summarise(application: Application, record: EpisodeRecord, results: Results) -> dict[str, Any]:

@@ -16,6 +16,7 @@ from crossmodal.diagrams.drawing.layers import Layers
 from crossmodal.diagrams.run.application import SCENE_PORT, Application, Station
 from crossmodal.diagrams.run.calibration import Calibration
 from crossmodal.diagrams.run.folder.fingerprint import contents
+from crossmodal.diagrams.run.own_code import place_of, told, traceback_of
 from crossmodal.diagrams.run.process import peak_memory
 from crossmodal.diagrams.run.record import EpisodeRecord, Event, Quantity, TaskStatus
 from crossmodal.diagrams.run.recorder import (
@@ -57,7 +58,8 @@ def building(source: str) -> Iterator[None]:
         # By a SystemExit with words Drake's demands fail, which values from files should not meet.
         if isinstance(error, SystemExit) and not isinstance(error.code, str):
             raise
-        raise ScenarioError(f"{source}: {one_line(error)}") from error
+        place = f"{place_of(error)}: " if place_of(error) else ""
+        raise ScenarioError(f"{source}: {place}{one_line(error)}") from error
 
 
 def build_estimators(
@@ -283,12 +285,14 @@ class Episode:
     def Run(self, progress: Callable[[float], None] | None = None) -> EpisodeRecord:
         """Simulates until the robot has stopped or the scenario's time is over.
 
-        A KeyboardInterrupt ends it early; what was recorded until then is returned.
+        A KeyboardInterrupt ends it early, and so does an error in code of a user's own; what was
+        recorded until then is returned.
         """
         scenario = self._scenario
-        simulator = self.Start()
+        with building(scenario.name):
+            simulator = self.Start()
         root = simulator.get_context()
-        interrupted = True
+        interrupted, failure, trace = True, "", ""
         began = time.perf_counter()
         with compilation_timed() as compiling:
             try:
@@ -305,11 +309,17 @@ class Episode:
                 interrupted = False
             except KeyboardInterrupt:
                 pass
+            except Exception as error:
+                if not self.recorder.station or not place_of(error):
+                    raise
+                interrupted, failure, trace = False, told(error), traceback_of(error)
             finally:
                 if self._video is not None:
                     self._video.close()
                 if self._sensor_log is not None:
-                    self._sensor_log.close(root.get_time(), interrupted=interrupted)
+                    self._sensor_log.close(
+                        root.get_time(), interrupted=interrupted or bool(failure)
+                    )
         wall_time = time.perf_counter() - began - compiling.seconds
         if self._events is not None:
             how = "ended by hand" if interrupted else "the episode is over"
@@ -332,6 +342,8 @@ class Episode:
             events=self.recorder.events,
             peak_memory=peak_memory(),
             interrupted=interrupted,
+            failure=failure,
+            traceback=trace,
             wants_next=self.session is not None and self.session.wants_next,
             sensors_file=None if log is None or log.failure else log.path,
             video_file=None if video is None or video.failure else video.path,

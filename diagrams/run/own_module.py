@@ -6,7 +6,8 @@ import sys
 from pathlib import Path
 from types import ModuleType
 
-from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line
+from crossmodal.diagrams.run.own_code import told
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 
 
 def load_module(source: str, what: str) -> ModuleType:
@@ -34,6 +35,5 @@ def load_module(source: str, what: str) -> ModuleType:
     except PermissionError:  # No fault of the file: where compiled code is kept.
         raise
     except Exception as error:  # Whatever a user's own file raises.
-        reason = f"{type(error).__name__}: {one_line(error)}"
-        raise ScenarioError(f"{what} cannot be had: {reason}") from error
+        raise ScenarioError(f"{what} cannot be had: {told(error)}") from error
     return module

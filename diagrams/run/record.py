@@ -101,6 +101,8 @@ class EpisodeRecord:
         events: In order of time.
         peak_memory: Of the process, [bytes].
         interrupted: A person stopped it before its end, or did so when it was recorded.
+        failure: What code of a user's own raised, which ended it; in one line.
+        traceback: Of that.
         wants_next: The person at the live page wants the next seed.
         meshcat_html: The recording as a page that opens without a server.
         sensors_file: Where the sensor streams were kept.
@@ -118,6 +120,8 @@ class EpisodeRecord:
     events: list[Event] = field(default_factory=list)
     peak_memory: int = 0
     interrupted: bool = False
+    failure: str = ""
+    traceback: str = ""
     wants_next: bool = False
     meshcat_html: str | None = None
     sensors_file: Path | None = None

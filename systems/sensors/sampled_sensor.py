@@ -86,6 +86,11 @@ class SampledSensor(LeafSystem):
         discrete = state.get_mutable_discrete_state()
         start = (index % self._capacity) * self._size
         sample = self.measure(self._input.Eval(context), index)
+        if np.shape(sample) != (self._size,):
+            raise ValueError(
+                f"{type(self).__name__}.measure returned shape {np.shape(sample)}, but"
+                f" '{self._input.get_name()}' has ({self._size},)"
+            )
         discrete.get_mutable_value(self._ring)[start : start + self._size] = sample
         discrete.get_mutable_value(self._latest)[0] = index
 

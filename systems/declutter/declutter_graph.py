@@ -191,6 +191,7 @@ def declutter_graph(
             segment=segments[i],
             parent=numbers[parent],
             weight=float(weights[i, parent]),
+            quality=float(qualities.get(n, 0.0)),
             action=next(iter(left[n]), None),
             why="" if left[n] else _used_up(n, tries),
         )

@@ -256,6 +256,7 @@ class DeclutterVertex(Immutable):
         segment: The object.
         parent: Number of the object that it hangs on; -1 for the root, which is the target.
         weight: Of the edge from there, above 0 to 2; zero for the root.
+        quality: Of its best grasp, 0 to 1; zero where there is none, and for the root.
         action: By which to take it away; None for the root, and where none is possible.
         why: Why none is possible, in words.
     """
@@ -263,6 +264,7 @@ class DeclutterVertex(Immutable):
     segment: Segment
     parent: int = -1
     weight: float = 0.0
+    quality: float = 0.0
     action: DeclutterAction | None = None
     why: str = ""
 

@@ -7,8 +7,11 @@ import pytest
 from nbclient import NotebookClient
 from typer.testing import CliRunner
 
-from crossmodal.diagrams.applications import OWN
+from crossmodal.diagrams.applications import OWN, load_scenario
 from crossmodal.diagrams.command_line import app
+from crossmodal.diagrams.run.episode import run_episode
+from crossmodal.diagrams.run.folder.run_folder import write_run
+from tests.diagrams.clutter.declutter_record import CLEARED, made
 
 ROOT = Path(__file__).parents[2]
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
@@ -17,7 +20,9 @@ PICTURES = {  # How many each draws, at least.
     "02_how_the_network_thinks": 8,
     "03_joint_filters_and_the_truth": 3,
     "04_your_own_tracker": 3,
+    "05_the_flap": 11,
     "06_views_touches_and_pose": 3,
+    "07_declutter_step_by_step": 7,
     "08_a_filter_of_your_own": 2,
     "09_a_hundred_seeds": 2,
 }
@@ -59,9 +64,38 @@ def evaluated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("evaluation") / "swing"
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv(OWN, str(ROOT / "tests/diagrams/pendulum/pendulum.py"))
-        options = ("--seeds", "6", "--jobs", "2", "--set", "duration=2", "--out", str(folder))
+        options = ("--seeds", "3", "--jobs", "2", "--set", "duration=2", "--out", str(folder))
         result = CliRunner().invoke(app, ["evaluate", "swing", *options])
     assert result.exit_code == 0, result.output
+    return folder
+
+
+@pytest.fixture(scope="session")
+def flipped(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a run whose finger turns the flap quickly, until the camera has lost it."""
+    changes = [
+        "duration=6",
+        "modalities=[geometric]",
+        "finger.clearance=0.01",
+        "finger.rotation=2",
+        "control.sequence.feed_speed=0.02",
+        "cameras.camera.width=320",
+        "cameras.camera.height=240",
+    ]
+    folder = tmp_path_factory.mktemp("flipped")
+    application, scenario = load_scenario("flap", changes)
+    record = run_episode(application, scenario)
+    write_run(folder, application, record, application.evaluate(record))
+    return folder
+
+
+@pytest.fixture(scope="session")
+def cleared(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a run that clears the way, of a record that is made up."""
+    folder = tmp_path_factory.mktemp("cleared")
+    application, _ = load_scenario("declutter")
+    record = made(CLEARED)
+    write_run(folder, application, record, application.evaluate(record))
     return folder
 
 
@@ -72,6 +106,8 @@ def test_it_runs_and_draws(
     text = path.read_text()
     for variable, fixture in (
         ("CROSSMODAL_RUN", "recorded_run"),
+        ("CROSSMODAL_FLAP", "flipped"),
+        ("CROSSMODAL_DECLUTTER", "cleared"),
         ("CROSSMODAL_EVALUATION", "evaluated"),
     ):
         if variable in text:

@@ -42,7 +42,9 @@ def declutter_summary(record: EpisodeRecord) -> dict[str, Any]:
     """What `summary.json` says of it, SI: the objects, the actions in order, why it ended.
 
     An action worked if its object is not where it was any more, and all went well; it is
-    `out_of_the_way` if it hangs on the target no more in the next image. `in_the_way` is
+    `out_of_the_way` if it hangs on the target no more in the next image. `graphs` are those of the
+    images, an edge for each object that hangs together with the target, and `image` of an action
+    is the number of that by which it was chosen. `in_the_way` is
     how many objects hung together with the target in the first image that showed it, `is_free`
     whether none does at the end. `near_before` and `near_after` are the names of those that truly
     were nearer to it than `declutter.near`. `target_moved` is how far the target was truly moved
@@ -59,6 +61,7 @@ def declutter_summary(record: EpisodeRecord) -> dict[str, Any]:
         "objects": object_names(record.scenario),
         "density": asdict(density[0]) if density else None,
         "actions": [_action(progress, graphs, k) for k in range(len(progress.steps))],
+        "graphs": [_graph(graph) for graph in graphs],
         "in_the_way": next((len(graph.vertices) - 1 for graph in with_target), None),
         "near_before": _truly_near(record, 0),
         "near_after": _truly_near(record, cleared_at(record) if progress.done else -1),
@@ -142,6 +145,7 @@ def _action(
     return {
         "object": step.name or "unknown",
         "number": step.object,
+        "image": step.image,
         "kind": str(step.action),
         "outcome": step.outcome,
         "tries": len(alike),
@@ -149,6 +153,37 @@ def _action(
         "out_of_the_way": None if left is None else step.object not in left,
         "displacement": None if gone else step.displacement,
         "others_moved": list(step.others),
+    }
+
+
+def _graph(graph: DeclutterGraph) -> dict[str, Any]:
+    """A graph, its edges from the target outwards, and the best push where one was chosen."""
+    chosen = graph.next if graph.next >= 0 else None
+    edges = [
+        {
+            "object": v.segment.name or "unknown",
+            "number": v.segment.number,
+            "hangs_on": v.parent,
+            "weight": v.weight,
+            "grasp_quality": v.quality,
+            "action": None if v.action is None else str(v.action),
+            "why": v.why,
+        }
+        for v in graph.vertices[1:]
+    ]
+    return {
+        "image": graph.number,
+        "target": graph.vertices[0].segment.number if graph.vertices else None,
+        "target_seen": bool(graph.vertices) and not graph.is_guess,
+        "edges": edges,
+        "apart": [segment.name or "unknown" for segment in graph.apart],
+        "next": chosen,
+        "is_covered": graph.is_covered,
+        "push": [
+            {"length": push.length, "meets": list(push.meets), "topples": push.topples}
+            for push in graph.pushes[:1]
+        ],
+        "why": graph.why,
     }
 
 

@@ -16,7 +16,7 @@ from crossmodal.diagrams.evaluation.stream_faults import (
     health_rows,
 )
 from crossmodal.diagrams.flap.estimator_names import LABELS
-from crossmodal.diagrams.flap.results.flap_episode import FlapEpisode, flap_episode
+from crossmodal.diagrams.flap.results.flap_episode import FlapEpisode, TrueFlap, flap_episode
 from crossmodal.diagrams.flap.results.flap_measures import (
     measure_estimation,
     measure_servoing,
@@ -24,7 +24,8 @@ from crossmodal.diagrams.flap.results.flap_measures import (
 )
 from crossmodal.diagrams.flap.results.task import can_be_judged, line_note, task_failure
 from crossmodal.diagrams.run.application import Results
-from crossmodal.diagrams.run.record import EpisodeRecord
+from crossmodal.diagrams.run.record import EpisodeRecord, Tick
+from crossmodal.systems.port_values import UNKNOWN_ANGLE, UNKNOWN_FINGERTIP, FingertipContact
 
 
 def evaluate(record: EpisodeRecord) -> Results:
@@ -96,7 +97,23 @@ def _rows(episode: FlapEpisode, name: str, k: int) -> list[Row]:
         if not np.isnan(value[k]).any():
             rows += vector(quantity, value[k], covariance[k], true[k])
     rows.append(scalar("flap_seen", float(series.seen[k])))
-    return rows + health_rows(episode.record.estimators[name].ticks[k])
+    tick = episode.record.estimators[name].ticks[k]
+    return rows + _contact_rows(tick, truth, k) + health_rows(tick)
+
+
+def _contact_rows(tick: Tick, truth: TrueFlap, k: int) -> list[Row]:
+    """What the fingertip feels: where the contact is on it, its force, and the pad's normal."""
+    finger: FingertipContact = tick.values.get("fingertip_contact_latest", UNKNOWN_FINGERTIP)
+    contact, rows = finger.contact, list[Row]()
+    if contact.touching:
+        rows += vector("contact_position", contact.p_SC, contact.covariance, truth.p_SC[k])
+        rows.append(scalar("contact_force", contact.force, true=truth.force[k]))
+    n_W = tick.values.get("flap_angle_latest", UNKNOWN_ANGLE).n_W
+    if np.isfinite(n_W).all():
+        out_of_flap = (finger.X_WS[:3, 1] @ n_W, truth.Sy_W[k] @ truth.n_W[k])
+        found, true = np.arcsin(np.clip(out_of_flap, -1.0, 1.0))
+        rows.append(scalar("pad_out_of_flap", found, true=true))
+    return rows
 
 
 _LINES: Sequence[tuple[str, str, float, str]] = (

@@ -191,13 +191,18 @@ def write_scenario(folder: Path, application: Application, scenario: Scenario) -
 
 
 def without_nan(value: Any) -> Any:
-    """The same nested value with None for what JSON cannot hold: NaN and infinities."""
+    """The same nested value with None for what JSON cannot hold: NaN and infinities.
+
+    Numbers and truth values of NumPy become Python's.
+    """
     if isinstance(value, dict):
         return {key: without_nan(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return [without_nan(item) for item in value]
-    if isinstance(value, float | np.floating):
-        return float(value) if math.isfinite(value) else None
+    if isinstance(value, np.generic):
+        return without_nan(value.item())
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
     return value
 
 

@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from numpy.testing import assert_allclose
-from pydrake.math import RigidTransform
 
-from crossmodal.diagrams.applications import load_scenario
 from crossmodal.diagrams.clutter.estimators import make_calibration
 from crossmodal.diagrams.clutter.results.declutter_results import (
     clearing_failure,
@@ -19,107 +17,23 @@ from crossmodal.diagrams.clutter.results.declutter_results import (
 )
 from crossmodal.diagrams.clutter.scenario import object_names
 from crossmodal.diagrams.clutter.start import true_offset
-from crossmodal.diagrams.run.calibration import Calibration, CalibrationErrors, draw_camera
-from crossmodal.diagrams.run.record import EpisodeRecord, Tick
+from crossmodal.diagrams.run.calibration import CalibrationErrors, draw_camera
+from crossmodal.diagrams.run.record import EpisodeRecord
 from crossmodal.maths import se3
-from crossmodal.plants.goods.clutter_density import NO_DENSITY
-from crossmodal.systems.declutter.declutter_graph import (
-    NOTHING_LEFT,
-    TARGET_FREE,
-    DeclutterConfig,
-    declutter_graph,
-)
-from crossmodal.systems.declutter.declutter_sequence import LEFT_ALONE, UNREACHABLE
+from crossmodal.systems.declutter.declutter_graph import NOTHING_LEFT, TARGET_FREE
+from crossmodal.systems.declutter.declutter_sequence import LEFT_ALONE
 from crossmodal.systems.port_values import (
-    NO_GRAPH,
     NO_MASKS,
     NO_PROGRESS,
-    NO_TRIES,
     ArmOffset,
-    DeclutterAction,
     DeclutterProgress,
-    DeclutterStep,
 )
-from tests.systems.declutter.scenes import image, rectangle
-
-GRASP, PUSH = DeclutterAction.GRASP, DeclutterAction.PUSH
-STEPS = (
-    DeclutterStep(
-        image=1,
-        object=1,
-        name="can",
-        action=GRASP,
-        outcome=UNREACHABLE,
-        displacement=0.001,
-        worked=False,
-    ),
-    DeclutterStep(
-        image=2,
-        object=1,
-        name="can",
-        action=GRASP,
-        outcome="slipped",
-        displacement=0.004,
-        worked=False,
-    ),
-    DeclutterStep(
-        image=3, object=1, name="can", action=GRASP, outcome="placed", displacement=0.3, worked=True
-    ),
-    DeclutterStep(
-        image=4,
-        object=2,
-        name="",
-        action=PUSH,
-        outcome="pushed",
-        displacement=np.inf,
-        worked=True,
-        others=(0,),
-    ),
-)
-
-
-def made(progress: DeclutterProgress) -> EpisodeRecord:
-    """An episode of four actions, in which the target is moved by 3 cm."""
-    _, scenario = load_scenario("declutter", ["target.object=wineglass", "clutter.count=2"])
-    target, can, other = (
-        rectangle(0, "wineglass", (0.5, 0.0)),
-        rectangle(1, "can", (0.55, 0.0)),
-        rectangle(2, "", (0.45, 0.0)),
-    )
-    scenes = [(target, can, other)] * 3 + [(target, other), (target,)]
-    graphs = [NO_GRAPH]
-    for number, scene in enumerate(scenes, start=1):
-        shown = image(*scene, number=number)
-        graphs.append(declutter_graph(shown, "wineglass", {1: 0.9}, NO_TRIES, DeclutterConfig()))
-    station = []
-    beside, taken = object_names(scenario)
-    for k, graph in enumerate(graphs):
-        done = replace(progress, done=False, why="") if k + 1 < len(graphs) else progress
-        steps = progress.steps[: max(k - 1, 0)]
-        values = {
-            "declutter_graph": graph,
-            "declutter_progress": replace(done, steps=steps) if k else NO_PROGRESS,
-            "object_masks": NO_MASKS,
-            "cheat_clutter_density": replace(NO_DENSITY, hidden_above=0.4),
-            "cheat_object_pose": RigidTransform([0.5 + 0.03 * (k > 3), 0.0, 0.1]),
-            # The first one stays by the target's side, the other one is taken away.
-            f"cheat_{beside}_pose": RigidTransform([0.5, 0.07, 0.1]),
-            f"cheat_{taken}_pose": RigidTransform([0.5, -0.07 - 0.3 * (k > 3), 0.1]),
-        }
-        station.append(Tick(time=10.0 * k, values=values))
-    return EpisodeRecord(
-        scenario=scenario,
-        calibration=Calibration(),
-        station=station,
-        estimators={},
-        duration=60.0,
-        wall_time=1.0,
-    )
+from tests.diagrams.clutter.declutter_record import CLEARED, STEPS, made
 
 
 @pytest.fixture
 def record() -> EpisodeRecord:
-    return made(DeclutterProgress(steps=STEPS, done=True, found=True))
+    return made(CLEARED)
 
 
 def test_actions_are_counted_by_object_and_kind(record: EpisodeRecord) -> None:
@@ -137,6 +51,21 @@ def test_actions_are_counted_by_object_and_kind(record: EpisodeRecord) -> None:
     beside, taken = object_names(record.scenario)
     assert found["near_before"] == sorted([beside, taken])
     assert found["near_after"] == [beside]
+
+
+def test_each_image_has_its_graph_and_what_was_chosen_by_it(record: EpisodeRecord) -> None:
+    found = declutter_summary(record)
+    graphs = {graph["image"]: graph for graph in found["graphs"]}
+    assert [*graphs] == [1, 2, 3, 4, 5]
+    assert {a["image"]: a["number"] for a in found["actions"]} == {1: 1, 2: 1, 3: 1, 4: 2}
+    for action in found["actions"]:
+        assert graphs[action["image"]]["next"] == action["number"]
+    edges = {edge["number"]: edge for edge in graphs[1]["edges"]}
+    assert {n: edge["grasp_quality"] for n, edge in edges.items()} == {1: 0.9, 2: 0.0}
+    assert {n: edge["action"] for n, edge in edges.items()} == {1: "grasp", 2: "push"}
+    assert all(edge["hangs_on"] == graphs[1]["target"] == 0 for edge in edges.values())
+    assert [len(graph["push"]) for graph in found["graphs"]] == [0, 0, 0, 1, 0]
+    assert (graphs[5]["edges"], graphs[5]["next"], graphs[5]["why"]) == ([], None, TARGET_FREE)
 
 
 def test_a_target_that_was_moved_and_seen_to_be_is_noticed(record: EpisodeRecord) -> None:

@@ -19,7 +19,8 @@ from crossmodal.diagrams.run.episode import Episode
 from crossmodal.diagrams.run.record import EpisodeRecord
 from crossmodal.diagrams.run.replay import replay
 
-ESTIMATES = {"axis", "theta", "L1", "L2", "flap_seen", "stream_age", "stream_fault"}
+FELT = {"contact_position", "contact_force", "pad_out_of_flap"}
+ESTIMATES = {"axis", "theta", "L1", "L2", "flap_seen", "stream_age", "stream_fault", *FELT}
 
 
 @pytest.fixture(scope="module")

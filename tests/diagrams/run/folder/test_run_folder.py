@@ -67,6 +67,11 @@ def test_what_json_cannot_hold_becomes_null(value: float) -> None:
     }
 
 
+def test_numbers_of_numpy_can_be_written_as_json() -> None:
+    values = [np.bool_(True), np.int64(3), np.float32(0.5), np.float32("nan")]
+    assert json.dumps(without_nan({"a": values}), allow_nan=False) == '{"a": [true, 3, 0.5, null]}'
+
+
 def test_only_a_complete_run_of_the_same_scenario_counts_as_finished(tmp_path: Path) -> None:
     record = synthetic_episode()
     write(tmp_path, record)

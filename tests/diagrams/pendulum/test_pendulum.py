@@ -254,3 +254,41 @@ def test_a_port_that_is_not_from_the_state_alone_is_not_recorded(
     result = crossmodal("run", "swing", "--out", tmp_path / "run")
     assert result.exit_code == 2
     assert "'stubborn': its port 'state_latest' depends on what the sensors give" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("line", "instead", "message", "ticks"),
+    [
+        (
+            "return mean + gain",
+            "assert context.get_time() < 1.0, 'lost'; return mean + gain",
+            "AssertionError: lost",
+            True,
+        ),
+        ('tick.values["state_latest"]', 'tick.values["state"]', "KeyError: 'state'", False),
+    ],
+)
+def test_what_its_code_raises_is_told_and_the_run_is_kept(
+    line: str,
+    instead: str,
+    message: str,
+    ticks: bool,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    assert line in FILE.read_text()
+    text = FILE.read_text().replace(line, instead)
+    own = tmp_path / "broken.py"
+    own.write_text(text)
+    shutil.copy(FILE.with_name("swing.yaml"), tmp_path)
+    monkeypatch.setenv(OWN, str(own))
+    result = crossmodal("run", "swing", "--record-sensors", "--out", tmp_path / "run")
+    assert result.exit_code == 1
+    place = 1 + text[: text.index(instead)].count("\n")
+    assert f"The episode failed: broken.py:{place}: {message}" in result.output
+    summary = read_summary(tmp_path / "run")
+    assert (summary["success"], summary["interrupted"]) == (False, False)
+    assert message in summary["failure"]
+    assert "Traceback" in (tmp_path / "run/log.txt").read_text()
+    assert (tmp_path / "run/sensors.mcap").is_file()
+    assert bool(len(read_estimates(tmp_path / "run"))) == ticks

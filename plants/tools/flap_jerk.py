@@ -14,9 +14,10 @@ from crossmodal.maths.arrays import Array
 from crossmodal.maths.validation import check, number, require
 from crossmodal.plants.scene import position_index
 
-# A hand that leads the flap: its stiffness and damping about the hinge, [N m/rad], [N m s/rad]. A
-# flap weighs so little that more damping would not be stable with a plant's steps of 2.5 ms.
-_STIFFNESS, _DAMPING = 12.0, 0.06
+# The frequency of the hand that leads the flap, times the plant's step: the root of x^2 + 4 x = 2.
+# With inertia I and step dt, stiffness K and damping D that act by where the flap was before the
+# step are stable for K dt^2 / I + 2 D dt / I < 4. Of this, critical damping takes half.
+_FREQUENCY = 6.0**0.5 - 2.0
 _PERIOD = 0.01  # Period at which the hand checks whether a jerk has begun, [s].
 
 
@@ -75,6 +76,11 @@ class FlapJerks(LeafSystem):
         v = hinge.velocity_start() - min(joint.velocity_start() for joint in moving)
         self._theta, self._rate = position_index(plant, hinge), plant.num_positions(tool) + v
         self._axis = hinge.revolute_axis()
+        M = plant.CalcMassMatrix(plant.CreateDefaultContext())
+        row = hinge.velocity_start()
+        inertia = 1.0 / np.linalg.inv(M)[row, row]  # Where all else gives way, [kg m^2].
+        omega = _FREQUENCY / plant.time_step()
+        self._stiffness, self._damping = inertia * omega**2, 2.0 * inertia * omega
         frames = (hinge.frame_on_child(), edge)
         self._frames = [(int(f.body().index()), f.GetFixedPoseInBodyFrame()) for f in frames]
         self._poses = self.DeclareAbstractInputPort(
@@ -106,8 +112,8 @@ class FlapJerks(LeafSystem):
                 continue
             share, rate = share_of_displacement(jerk, now)
             angle = jerk.displacement / lever
-            torque += _STIFFNESS * (first + share * angle - state[self._theta])
-            torque += _DAMPING * (rate * angle - state[self._rate])
+            torque += self._stiffness * (first + share * angle - state[self._theta])
+            torque += self._damping * (rate * angle - state[self._rate])
         return torque
 
     def _forces(self, context: Context) -> list[ExternallyAppliedSpatialForce]:

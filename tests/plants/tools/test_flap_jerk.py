@@ -15,8 +15,10 @@ from crossmodal.plants.tools.wiper import EDGE_FRAME, HINGE, WiperConfig, draw_w
 STEP = 0.005  # [s]
 
 
-def jerked(jerks: list[FlapJerk], start: float, times: list[float], seed: int = 0) -> list[float]:
-    """Angles [rad] of a wiper's flap, whose handle is fixed, and the way of its edge per radian."""
+def jerked(
+    jerks: list[FlapJerk], start: float, times: list[float], seed: int = 0, shorter: float = 1.0
+) -> list[float]:
+    """How far the edge of a wiper's flap, whose handle is fixed, has gone at some times, [m]."""
     builder = DiagramBuilder()
     plant, _ = AddMultibodyPlant(
         MultibodyPlantConfig(
@@ -24,7 +26,9 @@ def jerked(jerks: list[FlapJerk], start: float, times: list[float], seed: int = 
         ),
         builder,
     )
-    wiper = draw_wiper(WiperConfig(), np.random.default_rng(seed))
+    config = WiperConfig()
+    config.flap_length = config.flap_length * shorter
+    wiper = draw_wiper(config, np.random.default_rng(seed))
     tool = add_model(make_parser(plant), wiper_sdf(wiper), "tool")
     plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("body", tool))
     plant.Finalize()
@@ -62,6 +66,15 @@ def test_the_edge_goes_as_far_as_asked_for_and_stays_there(way: float, seed: int
     jerk = FlapJerk(displacement=way, start=0.1, end=0.4)
     before, carried, later = jerked([jerk], 0.8, [0.1, 0.4, 0.8], seed)
     assert_allclose(carried - before, way, atol=0.002)
+    assert_allclose(later, carried, atol=0.001)
+
+
+@pytest.mark.parametrize("seed", [0, 2])
+def test_a_light_flap_is_led_as_far(seed: int) -> None:
+    """A hand that is too stiff for the plant's steps would fling it."""
+    jerk = FlapJerk(start=0.1, end=0.4)
+    before, carried, later = jerked([jerk], 0.8, [0.1, 0.4, 0.8], seed, shorter=0.7)
+    assert_allclose(carried - before, jerk.displacement, atol=0.002)
     assert_allclose(later, carried, atol=0.001)
 
 

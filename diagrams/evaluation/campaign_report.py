@@ -177,8 +177,8 @@ def _what_was_done(campaign: Campaign) -> list[str]:
     done = sum(summary["success"] is True for summary in campaign.summaries)
     return [
         f"Simulated: {campaign.experiment.description}. The system: {application.description}.",
-        f"{ended} episodes were run, which differ by a seed: it draws the object, where it is, the"
-        f" errors of calibration and the sensors' noise. In {done} of {ended} the task was done.",
+        f"{ended} episodes were run, which differ by a seed: it draws what differs from one to the"
+        f" next, the sensors' noise among it. In {done} of {ended} the task was done.",
         *filter(None, [task_in_words(campaign)]),
         *campaign.experiment.notes,
     ]

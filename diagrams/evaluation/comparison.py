@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
@@ -21,6 +21,7 @@ from crossmodal.diagrams.evaluation.metric_table import (
     count,
     is_summary,
     label,
+    mean_share,
     median_and_range,
     median_error,
     metrics_of,
@@ -46,13 +47,14 @@ from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line
 from crossmodal.diagrams.run.yaml_input.values_table import unit_at
 from crossmodal.maths.arrays import Array
 
+_Kind = Literal["truth", "share", "magnitude"]
 _LONGEST = 80  # Letters of a scenario's value in a cell.
 MAIN_ROWS = 8
 HOW_TO_COMPARE = (
     "One run has a magnitude; an evaluation the median (5 % to 95 % of the episodes, of fewer than"
-    " 20 the least and the largest), where what is missing counts as infinitely large ('none'), or"
-    " in how many of how many episodes something is so. Coloured is what is better or worse, of"
-    " evaluations by more than twice the standard error."
+    " 20 the least and the largest), where what is missing counts as infinitely large ('none'), the"
+    " mean of shares, or in how many of how many episodes something is so. Coloured is what is"
+    " better or worse, of evaluations by more than twice the standard error."
 )
 _SAME = "Their scenarios say the same."
 _DIGITS = 3  # Of one run's figure: its neighbour may be close.
@@ -156,8 +158,9 @@ def figures_table(compared: Sequence[Compared]) -> Table:
     them. What only shows how busy the machine was is left out. Values in another unit, as of a door
     beside a drawer, are not compared.
 
-    One run has a magnitude, an evaluation the median of the magnitudes and their 5 to 95 %, or how
-    often something is true. What is missing counts as infinitely large, and as not true.
+    One run has a magnitude, an evaluation the median of the magnitudes and their 5 to 95 %, the
+    mean of shares, or how often something is true. What is missing counts as infinitely large, and
+    as not true.
     """
     table = Table(header=["", "", *(one.name for one in compared)])
     table.header += [f"{one.name} - {compared[0].name}" for one in compared[1:]]
@@ -169,17 +172,17 @@ def figures_table(compared: Sequence[Compared]) -> Table:
         ]
         if not any(np.any(np.isfinite(values)) for values, _ in found):
             continue
-        truth, (first, unit) = _is_truth(metric, compared), found[0]
+        kind, (first, unit) = _kind(metric, compared), found[0]
         row = [
             metric.title or metric.name.replace("_", " "),
             label(compared[0].application, estimator),
-            *(_cell(values, of_it, truth=truth) for values, of_it in found),
+            *(_cell(values, of_it, kind) for values, of_it in found),
         ]
         for values, of_it in found[1:]:
             text, tone = "-", ""
             if of_it == unit:
-                text = _difference(first, values, unit, truth=truth)
-                tone = _tone(metric, first, values, truth=truth)
+                text = _difference(first, values, unit, kind)
+                tone = _tone(metric, first, values, kind)
             if tone:
                 table.tones[len(table.rows), len(row)] = tone
             row.append(f"{text}, {'better' if tone == 'good' else 'worse'}" if tone else text)
@@ -210,57 +213,60 @@ def _in_order(compared: Sequence[Compared]) -> list[tuple[Metric, str]]:
     return list(found.values())
 
 
-def _tone(metric: Metric, first: Array, other: Array, *, truth: bool) -> str:
+def _middle(values: Array, kind: _Kind) -> tuple[float, float]:
+    """What stands for all episodes, and its standard error."""
+    if kind == "magnitude":
+        error = median_error(values) if len(values) > 1 else 0.0
+        return float(quantile(values, 0.5)), error
+    known = values == 1.0 if kind == "truth" else values[np.isfinite(values)]
+    return float(np.mean(known)), float(np.std(known)) / math.sqrt(len(known))
+
+
+def _tone(metric: Metric, first: Array, other: Array, kind: _Kind) -> str:
     """'good' where the other is better, 'bad' where it is worse, by more than chance does."""
     if not metric.better or not np.any(np.isfinite(first)) or not np.any(np.isfinite(other)):
         return ""
-    if truth:
-        shares = [float(np.mean(values == 1.0)) for values in (first, other)]
-        errors = [
-            math.sqrt(share * (1.0 - share) / len(values))
-            for share, values in zip(shares, (first, other), strict=True)
-        ]
-    else:
-        shares = [float(quantile(values, 0.5)) for values in (first, other)]
-        errors = [median_error(values) if len(values) > 1 else 0.0 for values in (first, other)]
-    change = shares[1] - shares[0]
-    if not np.isfinite([change, *errors]).all() or abs(change) <= 2.0 * math.hypot(*errors):
+    (before, error), (after, other_error) = (_middle(values, kind) for values in (first, other))
+    change, error = after - before, math.hypot(error, other_error)
+    if not np.isfinite([change, error]).all() or abs(change) <= 2.0 * error:
         return ""
-    if math.isclose(*shares, rel_tol=_SHOWN):
+    if math.isclose(before, after, rel_tol=_SHOWN):
         return ""
     return "good" if (change > 0.0) == (metric.better == "more") else "bad"
 
 
-def _is_truth(metric: Metric, compared: Sequence[Compared]) -> bool:
-    """Whether an episode's value is true or false."""
+def _kind(metric: Metric, compared: Sequence[Compared]) -> _Kind:
+    """What an episode's value is."""
     for summary in (summary for one in compared for summary in one.summaries):
         for record in summary["modalities"].values() if metric.by_estimator else [summary]:
             with contextlib.suppress(KeyError):
-                if (value := metric.value(record)) is not None:
-                    return isinstance(value, bool)
-    return False
+                if isinstance(metric.value(record), bool):
+                    return "truth"
+    return "share" if metric.cell is mean_share else "magnitude"
 
 
-def _cell(values: Array, unit: str, *, truth: bool) -> str:
-    """How often something is true, or the median of magnitudes and their range; or one's."""
+def _cell(values: Array, unit: str, kind: _Kind) -> str:
+    """How often something is true, a mean share, a median and its range; or one episode's value."""
     if not np.any(np.isfinite(values)):
         return "-"
-    if len(values) > 1:
-        return count(values) if truth else median_and_range(values, unit)
-    return one_figure(bool(values[0]) if truth else values[0], unit, significant=_DIGITS)
+    if len(values) == 1:
+        value = bool(values[0]) if kind == "truth" else values[0]
+        return one_figure(value, unit, significant=_DIGITS)
+    if kind == "truth":
+        return count(values)
+    return mean_share(values) if kind == "share" else median_and_range(values, unit)
 
 
-def _difference(first: Array, other: Array, unit: str, *, truth: bool) -> str:
+def _difference(first: Array, other: Array, unit: str, kind: _Kind) -> str:
     if not (np.any(np.isfinite(first)) and np.any(np.isfinite(other))):
         return "-"
     if np.array_equal(first, other):
         return "same"
-    if truth and len(first) == len(other) == 1:
+    if kind == "truth" and len(first) == len(other) == 1:
         return "differs"
-    if truth:
-        change = float(np.mean(other == 1.0) - np.mean(first == 1.0))
-        return f"{fixed(100.0 * change, 0, signed=True)} %"
-    before, after = (float(quantile(values, 0.5)) for values in (first, other))
+    (before, _), (after, _) = (_middle(values, kind) for values in (first, other))
+    if kind == "truth" or (kind == "share" and len(first) > 1):
+        return f"{fixed(100.0 * (after - before), 0, signed=True)} %"
     if not np.isfinite([before, after]).all():
         return "-"
     if math.isclose(before, after, rel_tol=_SHOWN):

@@ -205,10 +205,21 @@ def error_metrics(units: Mapping[str, str]) -> list[Metric]:
         ("rms_error", "RMS error", median_and_range, "less"),
         ("inside_two_sigma", inside, mean_share, "more"),
     )
+
+    def value(name: str, key: str) -> Callable[[Mapping[str, Any]], Any]:
+        def found(record: Mapping[str, Any]) -> Any:
+            components = [known for known in record["quantities"] if known.startswith(f"{name}_")]
+            if name not in record["quantities"] and components:
+                text = f"there is no quantity '{name}'; its components are {', '.join(components)}"
+                warnings.warn(text, EvaluationWarning, stacklevel=2)
+            return value_at(f"quantities.{name}.{key}")(record)
+
+        return found
+
     return [
         Metric(
             name=f"{name}_{key}",
-            value=value_at(f"quantities.{name}.{key}"),
+            value=value(name, key),
             unit=unit if key.endswith("error") else "share",
             title=f"{name}, {title}",
             cell=cell,

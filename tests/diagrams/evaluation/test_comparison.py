@@ -1,6 +1,7 @@
 """Two folders side by side: figures, what differs in their scenarios, pictures."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,9 @@ from crossmodal.diagrams.evaluation.comparison import (
     read_compared,
     scenarios_table,
 )
+from crossmodal.diagrams.evaluation.metric_table import mean_share, value_at
 from crossmodal.diagrams.run.application import Application
+from crossmodal.diagrams.run.experiment import Metric
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 
 
@@ -123,6 +126,27 @@ def test_evaluations_are_compared_by_medians_and_counts(evaluations: list[Compar
     ]  # fmt: skip
     assert found["scored", ""] == ["3/3", "1/3", "-67 %, worse"]
     assert scenarios_table(evaluations).rows == []
+
+
+def test_shares_are_compared_by_their_means_as_the_evaluations_table_has_them(
+    tmp_path: Path,
+) -> None:
+    inside = Metric(
+        name="inside",
+        value=value_at("inside"),
+        unit="share",
+        by_estimator=False,
+        title="inside",
+        cell=mean_share,
+    )
+    application = replace(TOY, metrics=[*TOY.metrics, inside])
+    compared = []
+    for name, shares in (("first", (0.0, 0.9, 0.9)), ("second", (0.3, 0.3, 0.9))):
+        for seed, share in enumerate(shares, start=1):
+            summary = toy_summary(seed, left=0.001, right=None) | {"inside": share}
+            write_episode(tmp_path / name / f"seed-{seed:04d}", summary)
+        compared.append(read_compared(tmp_path / name, name, lambda *_: application))
+    assert rows(compared)["inside", ""][:3] == ["60 %", "50 %", "-10 %"]
 
 
 def test_the_page_has_each_picture_of_all_of_them_side_by_side(

@@ -130,6 +130,14 @@ def test_metrics_of_the_errors_are_read_from_the_summary() -> None:
     assert metrics["place_x_rms_error"].value(left) == 0.0
 
 
+def test_a_metric_of_a_vector_is_told_to_name_a_component() -> None:
+    (left, _, _) = error_metrics({"place": "m"})
+    summary = evaluate_rows(record(), rows, UNITS).summary
+    told = "its components are place_x, place_y, place_z"
+    with pytest.warns(EvaluationWarning, match=told), pytest.raises(KeyError):
+        left.value(summary["modalities"]["left"])
+
+
 def test_an_estimate_that_is_never_a_number_is_no_success() -> None:
     def lost(estimator: str, tick: Tick, station: Tick) -> list[Row]:
         return [scalar("angle", np.nan if estimator == "left" else 1.0)]

@@ -21,8 +21,14 @@ class RecursiveFilter(LeafSystem):
     The posterior of this tick is computed once, in a cache entry that depends on the state, the
     time and the input ports. Estimated outputs project it, latest outputs project the stored one,
     and the periodic update stores it; a forced update (`ExecuteForcedEvents`) does the same, for
-    those who tick a filter by hand. A subclass declares its inputs, calls `_declare_recursion`,
-    then declares its outputs in order.
+    those who tick a filter by hand.
+
+    A subclass declares in its constructor, in this order:
+    - inputs, by `_declare_value_input(name, model)` for values like the model, or Drake's own;
+    - `_declare_recursion(initial, update, period)`, of which `update(context, posterior)` returns
+      the next posterior and reads inputs by `_read(port, context)`;
+    - outputs, by `_declare_latest(name, project)` from the posterior of the last tick, and by
+      `_declare_estimated(name, project)` from that of this tick.
     """
 
     def _declare_value_input(self, name: str, model: object) -> InputPort:

@@ -103,8 +103,9 @@ def read_finished_run(
     if not run.has_scene:
         again = f"`crossmodal run {folder / SCENARIO_FILE}`"
         run.missing.append(
-            f"The scene is not shown: there is no {MESHCAT_FILE}, which evaluations, replays and"
-            f" applications without a scene do not write; {again} simulates an episode again."
+            f"The scene is not shown: there is no {MESHCAT_FILE}, which is written neither by"
+            " evaluations and replays nor where a station has no output `cheat_query_object`;"
+            f" {again} simulates an episode again."
         )
     _read_scenario(run, find_application)
     _read_outcome(run, summary)

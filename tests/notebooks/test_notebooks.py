@@ -9,8 +9,8 @@ from typer.testing import CliRunner
 
 from crossmodal.diagrams.applications import OWN, load_scenario
 from crossmodal.diagrams.command_line import app
+from crossmodal.diagrams.evaluation.run_writer import write_run
 from crossmodal.diagrams.run.episode import run_episode
-from crossmodal.diagrams.run.folder.run_folder import write_run
 from tests.diagrams.clutter.declutter_record import CLEARED, made
 
 ROOT = Path(__file__).parents[2]

@@ -104,7 +104,7 @@ def test_what_drake_refuses_is_a_fault_of_the_scenario(assignment: str) -> None:
 
 
 def test_a_demand_of_drakes_that_fails_is_one_line() -> None:
-    words = r"mine: Failure at .* in Box\(\): condition"
+    words = r"mine: test_episode\.py:\d+: Failure at .* in Box\(\): condition"
     with pytest.raises(ScenarioError, match=words), building("mine"):
         Box(0.0, 1.0, 1.0)
     with pytest.raises(SystemExit), building("mine"):

@@ -164,9 +164,9 @@ def test_disturbances_are_told_in_words() -> None:
 
 
 def test_what_building_refuses_becomes_a_scenario_error() -> None:
-    with pytest.raises(ScenarioError, match="drawer: Encoders: noise = -1 rad, need >= 0"):  # noqa: SIM117
-        with building("drawer"):
-            raise ValueError("Encoders: noise = -1\n rad, need >= 0")
+    told = r"drawer: test_scenario\.py:\d+: Encoders: noise = -1 rad, need >= 0"
+    with pytest.raises(ScenarioError, match=told), building("drawer"):
+        raise ValueError("Encoders: noise = -1\n rad, need >= 0")
 
 
 def test_a_second_bump_turns_the_camera_from_where_the_first_has_put_it() -> None:

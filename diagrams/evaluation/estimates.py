@@ -16,7 +16,7 @@ from crossmodal.maths.arrays import Array
 
 COLUMNS = ("time", "modality", "quantity", "component", "estimate", "std", "covariance", "truth")
 _XYZ = ("x", "y", "z")
-_ROUNDING = 1e-9  # Of a variance, as a share of the largest one beside it.
+_ROUNDING = 1e-12  # Of a variance, in SI.
 # Quantity, component, estimate, its standard deviation, row of the covariance, and truth.
 Row = tuple[str, str, float, float, list[float], float]
 
@@ -47,7 +47,7 @@ def vector(quantity: str, value: Array, covariance: Array, true: Array) -> list[
             text = f"'{quantity}' has {size} components and a {name} of shape {np.shape(array)}"
             raise ValueError(f"{text}; it is to be {shape}")
     variances = np.diag(covariance)
-    if np.any(variances < -_ROUNDING * np.max(np.abs(variances), initial=0.0)):
+    if np.any(variances < -_ROUNDING):
         raise ValueError(f"'{quantity}' has a negative variance: {variances.min():g}")
     std = np.sqrt(np.maximum(variances, 0.0))
     components = _XYZ if len(value) <= len(_XYZ) else tuple(map(str, range(len(value))))

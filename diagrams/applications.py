@@ -23,6 +23,7 @@ from crossmodal.diagrams.run.folder.run_folder import (
     SUMMARY_FILE,
     read_summary,
 )
+from crossmodal.diagrams.run.own_code import GROUP
 from crossmodal.diagrams.run.own_module import load_module
 from crossmodal.diagrams.run.recorded_scenario import check_replaced
 from crossmodal.diagrams.run.scenario import parse_scenario, read_document
@@ -33,7 +34,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
 OWN = "CROSSMODAL_APPLICATIONS"
-GROUP = "crossmodal.applications"
 _COME_ALONG = tuple(
     f"crossmodal.diagrams.{name}.application" for name in ("crossmodal", "flap", "clutter")
 )

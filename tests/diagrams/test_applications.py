@@ -8,7 +8,6 @@ from synthetic_episode import LIGHTS_OFF, synthetic_episode
 from typer.testing import CliRunner
 
 from crossmodal.diagrams.applications import (
-    GROUP,
     OWN,
     applications,
     experiments,
@@ -19,6 +18,7 @@ from crossmodal.diagrams.applications import (
 )
 from crossmodal.diagrams.command_line import app
 from crossmodal.diagrams.evaluation.run_writer import write_run
+from crossmodal.diagrams.run.own_code import GROUP
 from crossmodal.diagrams.run.scenario import Scenario
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 
@@ -28,6 +28,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from crossmodal.diagrams.run.application import Application, Results
+from crossmodal.diagrams.run.own_code import GROUP
 from crossmodal.diagrams.run.scenario import Scenario
 
 

@@ -1,3 +1,5 @@
+"""A run's folder: what is written, replaced, removed and read again."""
+
 import json
 import os
 import shutil
@@ -27,19 +29,6 @@ from crossmodal.diagrams.run.folder.run_folder import (
 )
 from crossmodal.diagrams.run.record import EpisodeRecord
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
-
-FILES = {
-    "scenario.yaml",
-    "estimates.parquet",
-    "perceived.yaml",
-    "figures/errors.png",
-    "figures/frames.png",
-    "figures/configuration.png",
-    "meshcat.html",
-    "sensors.mcap",
-    "report.html",
-    "summary.json",
-}
 
 
 def write(folder: Path, record: EpisodeRecord) -> list[Path]:

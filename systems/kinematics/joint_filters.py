@@ -53,12 +53,11 @@ from crossmodal.systems.kinematics.evidence.goodness_of_fit import (
     largest_probability,
     reported_probabilities,
 )
-from crossmodal.systems.kinematics.evidence.type_evidence import (
-    DEVIATIONS,
+from crossmodal.systems.kinematics.evidence.likelier_errors import (
     likelier_deviations,
     likelier_wander,
-    type_evidence,
 )
+from crossmodal.systems.kinematics.evidence.type_evidence import type_evidence
 from crossmodal.systems.kinematics.evidence.wander import COUNT, SIZES
 from crossmodal.systems.kinematics.joint_filters_config import JointFiltersConfig, TypePriorsConfig
 from crossmodal.systems.kinematics.joint_filters_state import (
@@ -124,6 +123,7 @@ _WELL_KNOWN = 0.1  # Standard deviation above which each update tries a fresh st
 _RESTART_EVERY = 16  # Updates between fresh starts where the axis is better known than that.
 _ALL_MODELS_EVERY = 4  # Updates between solutions of all models (`joint_update.solve_all`).
 _OFTEN = 24  # A floor is tried at each of so many such solutions, later at every third.
+_CERTAIN = 0.9  # Probability that is only reported of models that have all been solved for it.
 _RESCALE = 0.05  # Relative change of the noise's scale from which the keyframes follow it.
 _UNSEEN = 1.0  # Shorter steps are never lost by a turn, [s].
 _HALF_A_TURN = 0.5 * np.pi  # Standard deviation from which on a rate predicts nothing, [rad].
@@ -272,6 +272,10 @@ class JointFilters:
             # What overflows is found below, whether compiled functions or NumPy's computed it.
             with np.errstate(all="ignore"):
                 updated = self._updated(before, X_PB, covariance, float(time), correlated)
+                if self._may_wander and _is_news(before, updated):
+                    updated = self._updated(
+                        before, X_PB, covariance, float(time), correlated, thorough=True
+                    )
         except np.linalg.LinAlgError:
             return skip(state, SkipReason.NO_SOLUTION)
         if not np.isfinite(updated.models.log_evidence).all():
@@ -285,7 +289,9 @@ class JointFilters:
         covariance: Array,
         time: float,
         correlated: Array,
+        thorough: bool = False,
     ) -> JointFiltersState:
+        """The next state; `thorough` if all models are solved for it, and wanders compared."""
         covariance, correlated = finite(covariance), finite(correlated)
         models = Models(*[x.copy() for x in state.models])
         keyframes = copy_keyframes(state.keyframes)
@@ -317,28 +323,15 @@ class JointFilters:
             scale = target
         R = R_reported * np.outer(scale, scale)
         updates, index, deviations = state.updates + 1, state.floor_index, state.deviations_index
-        rounds, all_models = updates // _ALL_MODELS_EVERY, updates % _ALL_MODELS_EVERY == 0
+        rounds = updates // _ALL_MODELS_EVERY
+        all_models = thorough or updates % _ALL_MODELS_EVERY == 0
         fresh, log_prior = _wants_restart(state), self._log_prior
         update_models(models, keyframes, X_FB, R, now, priors, log_prior, fresh, all_models)
         tries = rounds if rounds <= _OFTEN else rounds // 3
-        tries_others = all_models and (rounds <= _OFTEN or rounds % 3 == 0)
+        tries_others = updates % _ALL_MODELS_EVERY == 0 and (rounds <= _OFTEN or rounds % 3 == 0)
         if tries_others:
             models, keyframes, index = with_likelier_floor(
                 models, keyframes, index, tries, reported, estimated, priors, log_prior
-            )
-        wander, gain = state.wander, state.wander_gain
-        smallest = int(np.searchsorted(SIZES, np.sqrt(np.diagonal(reported)[:3].max())))
-        if tries_others and self._may_wander and smallest < len(SIZES):
-            models, keyframes, wander, gain = likelier_wander(
-                models,
-                keyframes,
-                wander,
-                smallest,
-                [covariance_floor(i, reported, estimated) for i in range(DEVIATIONS)],
-                tries,
-                priors,
-                log_prior,
-                self._wander_odds,
             )
         if all_models:
             deviations = likelier_deviations(
@@ -350,7 +343,21 @@ class JointFilters:
                 estimated,
                 priors,
                 log_prior,
+                state.wander,
+            )
+        wander, gain = state.wander, state.wander_gain
+        smallest = int(np.searchsorted(SIZES, np.sqrt(np.diagonal(reported)[:3].max())))
+        if (thorough or tries_others) and self._may_wander and smallest < len(SIZES):
+            models, keyframes, wander, gain = likelier_wander(
+                models,
+                keyframes,
                 wander,
+                smallest,
+                covariance_floor(deviations, reported, estimated),
+                tries,
+                priors,
+                log_prior,
+                self._wander_odds,
             )
         updated = replace(
             state,
@@ -399,7 +406,7 @@ class JointFilters:
         deviations = covariance_floor(
             state.deviations_index, state.reported, estimated_scale(state.noise)
         )
-        evidence, covariance = type_evidence(
+        evidence, believed = type_evidence(
             m,
             kf,
             self._priors,
@@ -416,7 +423,7 @@ class JointFilters:
         p[likeliest] -= lost
         p[FREE] += lost
         probabilities = dict(zip(TYPES, p.tolist(), strict=True))
-        return replace(state, probabilities=probabilities, covariance=covariance)
+        return replace(state, probabilities=probabilities, believed=believed)
 
     def belief(self, state: JointFiltersState, time: float | None = None) -> JointBelief:
         """The belief about the pair's joint.
@@ -497,6 +504,12 @@ def _is_repeated(state: JointFiltersState, X_PB: Array, covariance: Array, time:
     return bool(differed and has_noise and np.allclose(covariance, last.R[-1], 1e-6, 1e-11))
 
 
+def _is_news(before: JointFiltersState, after: JointFiltersState) -> bool:
+    """Whether a type is certain that was not before."""
+    kind = max(after.probabilities, key=lambda t: after.probabilities[t])
+    return after.probabilities[kind] > _CERTAIN > before.probabilities[kind]
+
+
 def _wants_restart(state: JointFiltersState) -> bool:
     """Whether the moving models may sit in a wrong minimum, which a fresh start would leave."""
     m = state.models
@@ -527,12 +540,13 @@ def _moving_joint(
     state: JointFiltersState, kind: int, dt: float, config: JointFiltersConfig
 ) -> JointModelBelief:
     """What is believed of one kind of moving joint, predicted dt [s] ahead."""
-    m, S = state.models, _unmeasured_noise(state, kind, config)
+    m, S = state.believed, _unmeasured_noise(state, kind, config)
+    wanders = state.keyframes.wander[0] > 0.0
     vectors, axis, point, configuration, covariance = read_moving(
         kind,
         m,
-        state.covariance[kind],
-        state.covariance[kind] if state.keyframes.wander[0] > 0.0 else m.covariance[kind],
+        m.covariance[kind],
+        m.covariance[kind] if wanders else state.models.covariance[kind],
         state.X_PF,
         config.axis_distance,
         state.W_zero,
@@ -543,7 +557,7 @@ def _moving_joint(
     )
     pitch = np.full((1, 3), np.nan)
     if kind == SCREW:
-        pitch = pitch_posterior(m.pitch[kind], state.covariance[kind, 10, 10])
+        pitch = pitch_posterior(m.pitch[kind], m.covariance[kind, 10, 10])
     return JointModelBelief(
         log_evidence=float(state.models.log_evidence[kind]),
         axis_P=vectors[0],

@@ -78,7 +78,7 @@ class JointFiltersState(Immutable):
         deviations_index: The same of how large smooth deviations are (`type_evidence`).
         wander: The likeliest smooth error of the rotations; `NONE` if nobody has looked.
         wander_gain: See `type_evidence`.
-        covariance: (J, N, N) of each model's theta, deviations smooth or independent.
+        believed: The models with the likeliest of the smooth errors that there may be.
         W_zero: See `read_configuration`.
         reference_noise: Covariance (6, 6), in B, of the measured reference.
         zero_time: When q was zero, by the keyframes' clock, [s].
@@ -97,7 +97,7 @@ class JointFiltersState(Immutable):
     models: Models
     keyframes: Keyframes
     noise: MeasurementNoise
-    covariance: Array
+    believed: Models
     W_zero: Array
     reference_noise: Array
     zero_time: float
@@ -264,7 +264,7 @@ def initial_state(
         models=models,
         keyframes=keyframes,
         noise=scale,
-        covariance=models.covariance,
+        believed=models,
         W_zero=np.asarray(np.linalg.inv(R)) if error.any() else np.zeros((6, 6)),
         reference_noise=noise,
         zero_time=time - delay,
@@ -288,7 +288,8 @@ def rebased_state(
     keyframes = empty_keyframes(config.memory)
     keyframes.outliers[:] = state.keyframes.outliers
     append(keyframes, np.eye(4), R, float(state.keyframes.time[0]), _NO_OUTLIERS)
-    far = config.far_axes and may_be_far(state.keyframes)
+    wanders = state.keyframes.wander[0] > 0.0
+    far = config.far_axes and not wanders and may_be_far(state.keyframes)
     models = keep_axes(state.models, config.axis_distance, far)
     models.P[:, 1, 1] = _rate_variance(config)
     return replace(

@@ -156,7 +156,10 @@ def add_keyframes(
 
 @hot
 def marginalise(n: int, waves: Waves, chain: Chain) -> float:
-    """Takes the coefficients out of the information about n parameters; returns their evidence."""
+    """Takes the coefficients out of the information about n parameters; returns their evidence.
+
+    What `add_coefficients` needs stays in the coefficients' rows of `chain.H` and `chain.h`.
+    """
     size, value = int(waves.variance.size), 0.0
     S, s, column = (
         chain.H[n : n + size, n : n + size].copy(),
@@ -170,13 +173,30 @@ def marginalise(n: int, waves: Waves, chain: Chain) -> float:
     cholesky.forward(S, s, size)
     for j in range(size):
         value += 0.5 * s[j] ** 2
+        chain.h[n + j] = s[j]
+        for k in range(size):
+            chain.H[n + j, n + k] = S[j, k]
     for i in range(n):
         for j in range(size):
             column[i, j] = chain.H[n + j, i]
         cholesky.forward(S, column[i], size)
         for j in range(size):
             chain.h[i] -= column[i, j] * s[j]
+            chain.H[n + j, i] = column[i, j]
         for p in range(i + 1):
             for j in range(size):
                 chain.H[i, p] -= column[i, j] * column[p, j]
     return value
+
+
+@hot
+def add_coefficients(n: int, waves: Waves, chain: Chain) -> None:
+    """Adds the coefficients to a step of n parameters, once `marginalise` has taken them out."""
+    size = int(waves.variance.size)
+    S, s = chain.H[n : n + size, n : n + size].copy(), chain.h[n:].copy()
+    for j in range(size):
+        for i in range(n):
+            s[j] -= chain.H[n + j, i] * chain.step[i]
+    cholesky.backward(S, s, size)
+    for j in range(size):
+        chain.step[n + j] = s[j]

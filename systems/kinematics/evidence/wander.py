@@ -20,8 +20,6 @@ _LEAST = 1e-3  # Share of the variance below which a component is left out.
 SIZES = tuple(float(x) for x in np.deg2rad((0.35, 0.7, 1.4, 2.8, 5.6)))
 TIMES = (0.4, 0.8, 1.6, 3.2, 6.4, 12.8)  # [s].
 
-LARGER = 1.5  # Log odds of a size against one that is twice as large, [nat].
-
 
 class Wander(NamedTuple):
     """A size and a time, by their indices in `SIZES` and `TIMES`; the size is -1 for none."""
@@ -36,8 +34,8 @@ class Wander(NamedTuple):
 
     @property
     def log_prior(self) -> float:
-        """Without the normaliser: the larger, the less common."""
-        return -LARGER * max(self.at_size, 0)
+        """Each size is half as common as the next smaller one; without the normaliser."""
+        return -np.log(2.0) * max(self.at_size, 0)
 
     @property
     def neighbours(self) -> list["Wander"]:
@@ -49,7 +47,7 @@ class Wander(NamedTuple):
 
 NONE = Wander()
 GENEROUS = Wander(3, 2)  # From which others are looked for.
-COUNT = len(TIMES) / (1.0 - np.exp(-LARGER))  # Of wanders as common as the smallest.
+COUNT = len(TIMES) * sum(2.0**-n for n in range(len(SIZES)))  # Of wanders as the smallest.
 
 
 def wander_waves(w: Wander, kf: Keyframes) -> Waves:

@@ -64,6 +64,34 @@ class Models(NamedTuple):
 
 
 @hot
+def copy_models(m: Models) -> Models:
+    """A copy that may be changed."""
+    return Models(
+        m.Y.copy(),
+        m.a.copy(),
+        m.c.copy(),
+        m.pitch.copy(),
+        m.q.copy(),
+        m.inlier.copy(),
+        m.signed.copy(),
+        m.prior_information.copy(),
+        m.prior_vector.copy(),
+        m.prior_value.copy(),
+        m.prior_Y.copy(),
+        m.prior_a.copy(),
+        m.prior_c.copy(),
+        m.prior_pitch.copy(),
+        m.covariance.copy(),
+        m.state.copy(),
+        m.gain.copy(),
+        m.P.copy(),
+        m.process_noise.copy(),
+        m.log_evidence.copy(),
+        m.marginal_evidence.copy(),
+    )
+
+
+@hot
 def has_prior(kind: int, m: Models) -> bool:
     """Whether a model has a prior from marginalised keyframes or from before a constant error."""
     return bool(np.trace(m.prior_information[kind]) > 0.0)

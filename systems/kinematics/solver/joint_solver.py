@@ -227,7 +227,7 @@ def trusted(kind: int, c: Array, pitch: float, step: Array) -> float:
 
 
 @hot
-def _move(kind: int, m: Models, priors: Priors, q: Array, step: Array) -> None:
+def move(kind: int, m: Models, priors: Priors, q: Array, step: Array) -> None:
     """Moves theta by `step`; m.q is already moved from `q` by its linear share of the step.
 
     The change of m.q is scaled by the lever, so that a path keeps its length if the axis recedes.
@@ -259,7 +259,8 @@ def solve_moving(
     Y, a, c, pitch = m.Y[kind].copy(), m.a[kind].copy(), m.c[kind].copy(), m.pitch[kind]
     step, dq = np.zeros(PARAMETERS), np.zeros(kf.time.size)
     evidences, accepted = np.zeros((2, priors.process_noise.size))
-    far = priors.far_axes and may_be_far(kf)
+    # Where rotations err smoothly, they turn a slide as a far hinge does.
+    far = priors.far_axes and kf.wander[0] == 0.0 and may_be_far(kf)
     for i in range(steps):
         linearise(kind, m, kf, priors.axis_distance, far, priors.outliers[0], temper, lin)
         evidence, S, sigma_v, value, gain = _solve_densities(
@@ -274,7 +275,7 @@ def solve_moving(
             assign(m.q[kind], q_previous + share * dq)
             assign(evidences, accepted)
             m.pitch[kind] = pitch
-            _move(kind, m, priors, q_previous, step)
+            move(kind, m, priors, q_previous, step)
             continue
         assign(accepted, evidences)
         assign(Y, m.Y[kind])
@@ -294,7 +295,7 @@ def solve_moving(
             S = _track(kind, m, kf, priors, lin, best, trial)
             assign(m.q[kind], q_smooth)
         dq = m.q[kind] - q_previous
-        _move(kind, m, priors, q_previous, step)
+        move(kind, m, priors, q_previous, step)
         if last:
             evidence -= max(gain - _PROMISED, 0.0)
             m.log_evidence[kind], m.process_noise[kind] = evidence + m.marginal_evidence[kind], S

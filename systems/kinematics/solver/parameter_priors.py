@@ -25,12 +25,9 @@ _WELL_SEEN = 0.1**2  # Variance of a measured rotation, [rad^2].
 
 @hot
 def may_be_far(kf: Keyframes) -> bool:
-    """Whether rotations are measured well enough to tell a far hinge from a bent slide.
-
-    Where they err smoothly, they turn a slide as a far hinge does.
-    """
+    """Whether rotations are measured well enough to tell a far hinge from a bent slide."""
     R = kf.R[kf.size[0] - 1]
-    return bool(kf.wander[0] == 0.0 and max(R[0, 0], R[1, 1], R[2, 2]) < _WELL_SEEN)
+    return bool(max(R[0, 0], R[1, 1], R[2, 2]) < _WELL_SEEN)
 
 
 @hot

@@ -7,6 +7,7 @@ from synthetic_motion import RATE, Motion, Scene, at_rest, filter_states, simula
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
 from crossmodal.systems.kinematics.joint_filters import JointFilters, JointFiltersConfig
+from crossmodal.systems.kinematics.measurement_errors import MeasurementErrorsConfig
 from crossmodal.systems.port_values import JointType
 
 PRISMATIC, REVOLUTE = JointType.PRISMATIC, JointType.REVOLUTE
@@ -75,7 +76,8 @@ def test_a_single_bad_pose_of_a_resting_body_is_no_jump() -> None:
 
 def test_a_type_that_is_far_behind_is_back_when_its_turn_comes() -> None:
     """A drawer of which a hinge's evidence has waited: it comes to its end and swings down."""
-    filters = JointFilters(JointFiltersConfig())
+    errors = MeasurementErrorsConfig(wander=0.0)  # Which it might be for a while, else.
+    filters = JointFilters(JointFiltersConfig(errors=errors))
     rng, X, R = np.random.default_rng(0), np.eye(4), np.diag(np.repeat([3e-4, 9e-6], 3))
     state, since = filters.start(X, R, 0.0), None
     for k in range(1, 100):

@@ -9,17 +9,18 @@ from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.se3_in_place import pose_difference
 from crossmodal.systems.kinematics.evidence.deviation_series import (
+    add_coefficients,
     add_keyframes,
     marginalise,
     no_waves,
     with_path_waves,
 )
-from crossmodal.systems.kinematics.evidence.type_evidence import smooth_evidence
+from crossmodal.systems.kinematics.evidence.smooth_solution import smooth_evidence, store_posterior
 from crossmodal.systems.kinematics.evidence.wander import Wander, wander_waves
 from crossmodal.systems.kinematics.joint_filters import JointFilters, JointFiltersConfig
 from crossmodal.systems.kinematics.joint_filters_state import JointFiltersState
 from crossmodal.systems.kinematics.measurement_errors import MeasurementErrorsConfig
-from crossmodal.systems.kinematics.solver.joint_chain import new_chain, run_chain
+from crossmodal.systems.kinematics.solver.joint_chain import new_chain, run_chain, solve
 from crossmodal.systems.kinematics.solver.joint_geometry import (
     MOVING,
     PARAMETERS,
@@ -31,6 +32,7 @@ from crossmodal.systems.kinematics.solver.joint_geometry import (
     retract,
 )
 from crossmodal.systems.kinematics.solver.joint_linearisation import new_linear
+from crossmodal.systems.kinematics.solver.joint_models import copy_models
 
 CASES = {case.name: case for case in all_cases()}
 DEVIATIONS = np.diag(np.repeat([5e-3**2, 1.5e-3**2], 3))
@@ -115,25 +117,41 @@ def test_smooth_errors_are_marginalised_as_one_large_normal_distribution(kind: i
     assert_allclose(chain.h[:n], h, rtol=1e-3, atol=1e-3 * np.abs(h).max())
     assert_allclose(value, -0.5 * (z @ S @ z + np.linalg.slogdet(C)[1]), atol=2e-2)
 
+    solve(n, value, chain)
+    step, at = chain.step[:n].copy(), copy_models(m)
+    assert_allclose(step, np.linalg.solve(H, h), rtol=1e-2, atol=1e-3 * np.abs(step).max())
+    add_coefficients(n, waves, chain)
+    mean = prior * (errors.T @ S @ (z - theta @ step))
+    assert_allclose(chain.step[n:][:more], mean, atol=1e-2 * np.abs(mean).max())
+    chain.step[:n] = 0.0
+    add_coefficients(n, waves, chain)
+    store_posterior(kind, at, waves, chain)
+    of_last = of_chain[K - 1] @ of_q.T
+    P = of_chain[K - 1, K - 1] - of_last @ S @ of_last
+    assert_allclose(at.state[kind, 0], of_last @ S @ z, rtol=1e-4)
+    assert_allclose(at.gain[kind, 0, :n], -of_last @ S @ theta, atol=1e-2)
+    assert_allclose(at.P[kind, 0, 0], P, rtol=1e-2)
+    covariance = np.linalg.inv(H)
+    assert_allclose(at.covariance[kind, :n, :n], covariance, atol=1e-2 * covariance.max())
+
 
 @pytest.mark.parametrize(("name", "kind"), [("drawer", PRISMATIC), ("door", REVOLUTE)])
 def test_smooth_deviations_explain_bends_better_than_independent_ones(name: str, kind: int) -> None:
     priors, smooth = JointFilters(JointFiltersConfig())._priors, np.empty(5)
-    covariance = np.empty((4, 11, 11))
     for seed in range(3):
         state = _state(f"{name}, bent by 2 mm, 1 mm", 20.0, seed)
         m, kf = state.models, state.keyframes
-        smooth_evidence(m, kf, priors, DEVIATIONS, no_waves(kf.time.size), smooth, covariance)
+        smooth_evidence(m, kf, priors, DEVIATIONS, no_waves(kf.time.size), smooth, copy_models(m))
         assert smooth[kind] > state.models.log_evidence[kind] + 5.0
         assert state.deviations_index > 0
 
 
 def test_in_white_noise_there_are_no_bends() -> None:
     priors = JointFilters(JointFiltersConfig())._priors
-    smooth, covariance = np.empty(5), np.empty((4, 11, 11))
+    smooth = np.empty(5)
     for name, kind in (("door", REVOLUTE), ("drawer", PRISMATIC), ("rigid", RIGID)):
         state = _state(name, 10.0)
         m, kf = state.models, state.keyframes
-        smooth_evidence(m, kf, priors, DEVIATIONS, no_waves(kf.time.size), smooth, covariance)
+        smooth_evidence(m, kf, priors, DEVIATIONS, no_waves(kf.time.size), smooth, copy_models(m))
         assert smooth[kind] < state.models.log_evidence[kind] + 3.0
         assert state.deviations_index == 0

@@ -30,7 +30,7 @@ def write_and_report(
     summary = writer.summary
     log.say("\n".join(["", *results.report(summary), "", speed(summary)]))
     if not record.interrupted and not results.success:
-        typer.echo(f"\n{verdict(results)}", err=log.is_quiet)
+        typer.echo(f"\n{verdict(results, record)}", err=log.is_quiet)
     writer.write_pictures()
     log.say("\n".join(["", "Files:", *(f"  {path}" for path in writer.written)]))
     for line in writer.missing:
@@ -45,12 +45,17 @@ def write_and_report(
     return FAILED if writer.missing or results.success is False else 0
 
 
-def verdict(results: "Results") -> str:
+def verdict(results: "Results", record: "EpisodeRecord") -> str:
     """What became of the task, where it is no success."""
     if results.success is None:
         return (
             "Whether the task was done is not known: the recording does not hold the truth or what"
             " the robot did."
+        )
+    longest = record.scenario.duration
+    if record.duration > longest - 0.5 * record.scenario.network_period:
+        return (
+            f"The {longest:g} s that the episode may take (--duration) were over: {results.failure}"
         )
     return f"The episode failed: {results.failure}"
 

@@ -50,6 +50,18 @@ def test_an_episode_that_misses_its_task_exits_with_one_and_keeps_its_files(
     assert json.loads(Path("here/summary.json").read_text())["success"] is False
 
 
+def test_an_episode_that_was_given_too_little_time_is_said_to_have_had_it(
+    fake_episode: types.SimpleNamespace,
+) -> None:
+    fake_episode.duration = 10.0
+    result = RUNNER.invoke(
+        app, ["run", "drawer", "--out", "here", "--no-recording", "--duration", "10"]
+    )
+    assert result.exit_code == 1
+    assert "The 10 s that the episode may take (--duration) were over: opened" in result.output
+    assert "failed" not in result.output
+
+
 def test_an_interrupted_run_keeps_what_there_is_and_says_so(
     fake_episode: types.SimpleNamespace,
 ) -> None:

@@ -55,9 +55,7 @@ def verdict(results: "Results", record: "EpisodeRecord") -> str:
     longest = record.scenario.duration
     is_over = record.duration > longest - 0.5 * record.scenario.network_period
     if is_over and not record.traceback:
-        return (
-            f"The {longest:g} s that the episode may take (--duration) were over: {results.failure}"
-        )
+        return f"The {longest:g} s that the episode may take were over: {results.failure}"
     return f"The episode failed: {results.failure}"
 
 

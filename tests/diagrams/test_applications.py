@@ -28,7 +28,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from crossmodal.diagrams.run.application import Application, Results
-from crossmodal.diagrams.run.own_code import GROUP
 from crossmodal.diagrams.run.scenario import Scenario
 
 

@@ -85,7 +85,7 @@ def likelier_wander(
         of_path: Covariance (6, 6) of smooth deviations from the path, the likeliest or none: what
             these explain is no error of rotations.
         tries: How many there were, by which the time is chosen that is tried beside.
-        log_odds: Of each wander against none, before anything was measured.
+        log_odds: Of a wander of the smallest size against none, before anything was measured.
 
     Returns:
         Models, keyframes, the likeliest wander, and its `gain`, see `type_evidence`.

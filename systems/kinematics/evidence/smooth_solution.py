@@ -46,7 +46,15 @@ from crossmodal.systems.kinematics.solver.joint_linearisation import (
     new_linear,
 )
 from crossmodal.systems.kinematics.solver.joint_models import Models, copy_models
-from crossmodal.systems.kinematics.solver.joint_solver import Priors, lever, move, trusted
+from crossmodal.systems.kinematics.solver.joint_solver import (
+    CONVERGED,
+    PROMISED,
+    SHORTER,
+    Priors,
+    lever,
+    move,
+    trusted,
+)
 from crossmodal.systems.kinematics.solver.parameter_priors import may_be_far, pitch_evidence
 
 ROUGH = 0.25  # Independent deviations beside the smooth ones, as a share of these.
@@ -55,9 +63,6 @@ _NEGLIGIBLE = 200.0  # Log evidence below the best one's from which a model is l
 # been solved since, see `joint_update.solve_all`, [nat].
 _INHERITED = 10.0
 _ROUNDS = 6  # Most linearisations with smooth errors of the measurements.
-_SHORTER = 0.3  # Share of a step that is tried where the whole of it has lost likelihood.
-_PROMISED = 1.0  # Most gain that is counted without being verified, [nat].
-_CONVERGED = 0.1  # Gain in log likelihood below which no further step is made, [nat].
 
 
 @hot
@@ -157,7 +162,7 @@ def _solved_evidence(
         last = i == _ROUNDS - 1
         if evidence - gain < before:
             # As it was, on the last round, or with a shorter step.
-            share = 0.0 if last or i == _ROUNDS - 2 else _SHORTER
+            share = 0.0 if last or i == _ROUNDS - 2 else SHORTER
             step *= share
             dq *= share
             assign(m.Y[kind], Y)
@@ -168,7 +173,7 @@ def _solved_evidence(
             move(kind, m, priors, q, step)
             continue
         before = evidence - gain
-        if last or gain < _CONVERGED:
+        if last or gain < CONVERGED:
             break
         assign(Y, m.Y[kind])
         assign(a, m.a[kind])
@@ -185,7 +190,7 @@ def _solved_evidence(
     chain.step[:n] = 0.0
     add_coefficients(n, waves, chain)
     store_posterior(kind, m, waves, chain)
-    return evidence - max(gain - _PROMISED, 0.0)
+    return evidence - max(gain - PROMISED, 0.0)
 
 
 @hot

@@ -39,9 +39,9 @@ from crossmodal.systems.kinematics.solver.joint_linearisation import (
 from crossmodal.systems.kinematics.solver.joint_models import Models
 from crossmodal.systems.kinematics.solver.parameter_priors import may_be_far, pitch_evidence
 
-_CONVERGED = 0.1  # Gain in log likelihood below which no further step is made, [nat].
-_SHORTER = 0.3  # Share of a step that is tried where the whole of it has lost likelihood.
-_PROMISED = 1.0  # Most gain that the last step may add to the evidence unverified, [nat].
+CONVERGED = 0.1  # Gain in log likelihood below which no further step is made, [nat].
+SHORTER = 0.3  # Share of a step that is tried where the whole of it has lost likelihood.
+PROMISED = 1.0  # Most gain that the last step may add to the evidence unverified, [nat].
 _SLOWLY = 0.2  # Ratio of a slow motion's first speed to `speed`.
 _UNLIKELY = 12.0  # Log evidence below the best from which a density is not solved for again, [nat].
 _TILT = 0.7  # Most that one step may tilt an axis, [rad].
@@ -267,7 +267,7 @@ def solve_moving(
             kind, m, kf, priors, lin, evidences, best, trial
         )
         if i < steps - 1 and value < previous:
-            share = _SHORTER if i < steps - 2 else 0.0
+            share = SHORTER if i < steps - 2 else 0.0
             step *= share
             assign(m.Y[kind], Y)
             assign(m.a[kind], a)
@@ -283,9 +283,9 @@ def solve_moving(
         assign(c, m.c[kind])
         assign(q_previous, m.q[kind])
         previous, pitch = value, m.pitch[kind]
-        last = i >= steps - 2 or gain < _CONVERGED
+        last = i >= steps - 2 or gain < CONVERGED
         assign(best.step, trusted(kind, m.c[kind], pitch, best.step) * best.step)
-        if last and gain >= _CONVERGED:
+        if last and gain >= CONVERGED:
             best.step[:] = 0.0
         assign(step, best.step)
         smooth(dimension(kind), best.S, sigma_v, q_previous, kf, lin, step, m.q[kind])
@@ -297,7 +297,7 @@ def solve_moving(
         dq = m.q[kind] - q_previous
         move(kind, m, priors, q_previous, step)
         if last:
-            evidence -= max(gain - _PROMISED, 0.0)
+            evidence -= max(gain - PROMISED, 0.0)
             m.log_evidence[kind], m.process_noise[kind] = evidence + m.marginal_evidence[kind], S
             _store(kind, m, best)
             _transport(kind, a, m)
@@ -318,6 +318,6 @@ def solve_rigid(m: Models, kf: Keyframes, priors: Priors) -> None:
         evidence, gain = solve(dimension(rigid), lin.value[0], chain)
         retract(rigid, m.Y[RIGID], m.a[RIGID], m.c[RIGID], m.pitch[RIGID], chain.step)
         m.log_evidence[RIGID] = evidence + m.marginal_evidence[RIGID]
-        if gain < _CONVERGED:
+        if gain < CONVERGED:
             break
     cholesky.inverse(chain.H, m.covariance[RIGID], dimension(rigid))

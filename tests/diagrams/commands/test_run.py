@@ -58,7 +58,7 @@ def test_an_episode_that_was_given_too_little_time_is_said_to_have_had_it(
         app, ["run", "drawer", "--out", "here", "--no-recording", "--duration", "10"]
     )
     assert result.exit_code == 1
-    assert "The 10 s that the episode may take (--duration) were over: opened" in result.output
+    assert "The 10 s that the episode may take were over: opened" in result.output
     assert "failed" not in result.output
 
 

@@ -183,8 +183,11 @@ LEAST_NOISE = 1e-10  # Variance up to which a measurement is exact, [rad^2, m^2]
 
 def solver_priors(config: JointFiltersConfig) -> Priors:
     """The configuration as the compiled solver has it."""
-    lever = np.repeat([config.radius, 1.0], 3)
     walk = np.repeat([_FREE_TURN, config.speed], 3)
+    velocity = np.repeat([config.speed / config.radius, config.speed], 3) ** 2
+    # A free body may change its velocity by its speed within a tenth of a second; or smoothly, so
+    # that it begins to move, or changes how it does, within half a second.
+    first, noise = [velocity, velocity / 0.5**2], [walk**2, velocity / 0.1, velocity / 0.5**3]
     return Priors(
         process_noise=np.array(config.process_noise),
         jump_noise=config.jump_noise,
@@ -194,8 +197,7 @@ def solver_priors(config: JointFiltersConfig) -> Priors:
         axis_distance=config.axis_distance,
         far_axes=config.far_axes,
         hinge_pitch=config.hinge_pitch,
-        # A free body may change its velocity by its speed within a tenth of a second.
-        free=free_motion(walk**2, (config.speed / lever) ** 2, config.speed**2 / 0.1 / lever**2),
+        free=free_motion(np.array(noise), np.array(first)),
         outliers=np.concatenate([[config.outliers], _OUTLIER**2]),
         coarseness=config.coarseness,
         white_share=1.0,
@@ -246,7 +248,7 @@ def initial_state(
         pair: Ids of parent and child.
         delay: For so long the child may have moved before, [s].
     """
-    keyframes = empty_keyframes(config.memory)
+    keyframes = empty_keyframes(config.memory, priors.free.order.size)
     noise: Array = white_equivalent(covariance, 0.0, config.errors, error)
     R = noise + error
     measured = bool(covariance.max() > LEAST_NOISE)
@@ -285,7 +287,7 @@ def rebased_state(
     """
     noise = state.reference_noise * np.outer(state.scale, state.scale)
     R = noise + offset + reference_error
-    keyframes = empty_keyframes(config.memory)
+    keyframes = empty_keyframes(config.memory, state.keyframes.free.size)
     keyframes.outliers[:] = state.keyframes.outliers
     append(keyframes, np.eye(4), R, float(state.keyframes.time[0]), _NO_OUTLIERS)
     wanders = state.keyframes.wander[0] > 0.0

@@ -25,7 +25,6 @@ from crossmodal.systems.kinematics.keyframes.measurement_noise import MEASURED
 RECENT = 4  # Newest keyframes, which stay single measurements for the present velocity.
 FIRST = 4  # Oldest keyframes, which are never marginalised: the motion started there.
 MEMORY = 400.0  # Most log evidence that is kept of past measurements against a model, [nat].
-FREE_MOTIONS = 6  # Models of moving without a joint, see `free_motion`.
 _QUARTILE = 3.45  # A quarter of the losses of keyframes of the same pose are less: chi-square of 6.
 _LARGEST = 8.7  # Ratio of the upper quantile to the quartile.
 _EXCESS = 6.0  # Expected loss when two keyframes of the same pose are averaged: their dimension.
@@ -80,8 +79,8 @@ class Keyframes(NamedTuple):
     spread: Array
 
 
-def empty_keyframes(capacity: int) -> Keyframes:
-    """A memory for `capacity` keyframes."""
+def empty_keyframes(capacity: int, free_motions: int) -> Keyframes:
+    """A memory for `capacity` keyframes, which so many free motions explain."""
     return Keyframes(
         size=np.zeros(1, dtype=np.int64),
         time=np.zeros(capacity),
@@ -97,8 +96,8 @@ def empty_keyframes(capacity: int) -> Keyframes:
         log_out=np.zeros(capacity),
         streak=np.zeros(capacity),
         outliers=np.zeros(1),
-        free=np.zeros(FREE_MOTIONS),
-        explained=np.full(FREE_MOTIONS, np.nan),
+        free=np.zeros(free_motions),
+        explained=np.full(free_motions, np.nan),
         pending=np.zeros(1, dtype=np.int64),
         spread=np.zeros(1),
     )

@@ -1,10 +1,10 @@
 """The evidence of a body that no joint holds, compiled.
 
 Its pose is filtered over the keyframes by several motion models at once: the pose is a random walk,
-or the velocity is, as that of a body that is carried (the nearly constant velocity model of Y.
-Bar-Shalom, X. Li and T. Kirubarajan, "Estimation with Applications to Tracking and Navigation",
-2001, 6.2), either with several strengths of its process noise. The mean over these models is the
-type that wins where no joint explains the motion.
+or the velocity is, or the acceleration, as that of a body that is carried (the nearly constant
+velocity and acceleration models of Y. Bar-Shalom, X. Li and T. Kirubarajan, "Estimation with
+Applications to Tracking and Navigation", 2001, 6.2), each with several strengths of its process
+noise. The mean over these models is the type that wins where no joint explains the motion.
 
 Rotation and position change independently of each other, in F: the position of a body that turns
 evenly is not expected to follow a circle.
@@ -15,40 +15,44 @@ from typing import NamedTuple
 import numpy as np
 
 from crossmodal.maths import cholesky
-from crossmodal.maths.arrays import Array
+from crossmodal.maths.arrays import Array, Ids
 from crossmodal.maths.compiled import assign, hot
 from crossmodal.maths.se3_in_place import pose_difference
 from crossmodal.systems.kinematics.keyframes.outliers import inlier_share
 from crossmodal.systems.kinematics.keyframes.pose_keyframes import (
-    FREE_MOTIONS,
     MEMORY,
     Keyframes,
     floor_share,
 )
 
-_SCALES = (1.0, 0.1, 0.01)  # Factors on the process noise, of a random walk and of a velocity.
-assert 2 * len(_SCALES) == FREE_MOTIONS
+_SCALES = (1.0, 0.1, 0.01)  # Factors on the largest process noises.
 
 
 class FreeMotion(NamedTuple):
-    """The motion models of a free body.
+    """The M motion models of a free body.
 
     Attributes:
-        has_velocity: (M,) one where its velocity is nearly constant, zero where its pose walks.
-        noise: (M, 6) process noise, of the walk [rad^2/s, m^2/s] or the velocity
-            [rad^2/s^3, m^2/s^3]; the first is that of the fastest walk.
-        velocity: (6,) variances of the first velocity, where it has one, [rad^2/s^2, m^2/s^2].
+        order: (M,) the derivative of the pose that is a random walk: zero for the pose itself, one
+            for its velocity, two for its acceleration.
+        noise: (M, 6) process noise of that derivative, [rad^2/s, m^2/s] of the pose, each further
+            one per second squared; the first is that of the fastest walk.
+        first: (D, 6) variances of the first velocity and acceleration, where there is one.
     """
 
-    has_velocity: Array
+    order: Ids
     noise: Array
-    velocity: Array
+    first: Array
 
 
-def free_motion(walk: Array, velocity: Array, acceleration: Array) -> FreeMotion:
-    """All motion models, from the (6,) largest process noises of pose and velocity."""
-    noise = np.concatenate([np.outer(_SCALES, walk), np.outer(_SCALES, acceleration)])
-    return FreeMotion(np.repeat([0.0, 1.0], len(_SCALES)), noise, velocity)
+def free_motion(noise: Array, first: Array) -> FreeMotion:
+    """All motion models.
+
+    Args:
+        noise: (D + 1, 6) largest process noise of the pose and of its D first derivatives.
+        first: (D, 6) see `FreeMotion`.
+    """
+    scaled = np.concatenate([np.outer(_SCALES, row) for row in noise])
+    return FreeMotion(np.repeat(np.arange(len(noise)), len(_SCALES)), scaled, first)
 
 
 @hot
@@ -97,18 +101,47 @@ def _difference(X: Array, Z: Array, e: Array) -> None:
 
 
 @hot
-def _predict(A: Array, C: Array, D: Array, noise: Array, dt: float) -> None:
-    """Covariances, (6, 6) each, of pose, of pose and velocity and of velocity, dt [s] later."""
+def _predict(P: Array, noise: Array, order: int, dt: float) -> None:
+    """Covariances (D + 1, D + 1, 6, 6) of the pose and its derivatives, dt [s] later."""
+    d = order + 1
+    F, Q, A, B = np.zeros((d, d)), np.empty((d, d)), np.empty((d, d)), np.empty((d, d))
+    for a in range(d):
+        F[a, a] = 1.0
+        for b in range(a + 1, d):
+            F[a, b] = F[a, b - 1] * dt / (b - a)
+    for a in range(d):
+        for b in range(d):
+            Q[a, b] = F[a, order] * F[b, order] * dt / (2 * order + 1 - a - b)
     for i in range(6):
         for j in range(6):
-            A[i, j] += dt * (C[i, j] + C[j, i] + dt * D[i, j])
-    for i in range(6):
-        S = noise[i] * dt
-        for j in range(6):
-            C[i, j] += dt * D[i, j]
-        A[i, i] += S * dt * dt / 3.0
-        C[i, i] += S * dt / 2.0
-        D[i, i] += S
+            for a in range(d):
+                for b in range(d):
+                    A[a, b] = 0.0
+                    for c in range(a, d):
+                        A[a, b] += F[a, c] * P[c, b, i, j]
+            for a in range(d):
+                for b in range(d):
+                    B[a, b] = 0.0
+                    for c in range(b, d):
+                        B[a, b] += A[a, c] * F[b, c]
+            for a in range(d):
+                for b in range(d):
+                    P[a, b, i, j] = B[a, b] + (noise[i] * Q[a, b] if i == j else 0.0)
+
+
+@hot
+def _advance(X: Array, v: Array, order: int, dt: float) -> None:
+    """Moves a pose by its derivatives (D, 6), and these, dt [s] on."""
+    share = dt
+    for a in range(order):
+        _move(X, v[a], share)
+        share *= dt / (a + 2.0)
+    for a in range(order):
+        share = dt
+        for b in range(a + 1, order):
+            for i in range(6):
+                v[a, i] += share * v[b, i]
+            share *= dt / (b - a + 1.0)
 
 
 @hot
@@ -177,8 +210,8 @@ def _blended(R: Array, R_out: Array, k: int, inlier: float, out: Array) -> None:
 def _filter(
     kf: Keyframes,
     noise: Array,
-    velocity: Array,
-    has_velocity: bool,
+    first: Array,
+    order: int,
     R: Array,
     R_out: Array,
     share: float,
@@ -188,48 +221,46 @@ def _filter(
 
     Args:
         noise: (6,) process noise, see `FreeMotion`.
-        velocity: (6,) variances of the first velocity.
+        first: (D, 6) variances of the first derivatives, of which `order` are used.
         R: (K, 6, 6) covariance of each keyframe, in F.
         R_out: (K, 6, 6) the same if it is an outlier; of undecided ones.
         share: Of outliers.
         inlier: (K,) see `log_evidences`; a result.
     """
-    X, v, zero = kf.Z[0].copy(), np.zeros(6), int(np.int64(0))
-    A, C, D = R[0].copy(), np.zeros((6, 6)), np.diag(velocity)
+    X, v, zero = kf.Z[0].copy(), np.zeros((order, 6)), int(np.int64(0))
+    P, K = np.zeros((order + 1, order + 1, 6, 6)), np.empty((order + 1, 6, 6))
     e, x, step, L, blended = np.empty(6), np.empty(6), np.empty(6), np.empty((6, 6)), R[:1].copy()
-    KA, KC = np.empty((6, 6)), np.empty((6, 6))
+    assign(P[0, 0], R[0])
+    for a in range(order):
+        for i in range(6):
+            P[a + 1, a + 1, i, i] = first[a, i]
     value = 0.5 * kf.log_det[0]
     before = value
     inlier[0] = 1.0
     for k in range(1, kf.size[0]):
         dt, half = kf.time[k] - kf.time[k - 1], 0.5 * kf.log_det[k]
-        if has_velocity:
-            _move(X, v, dt)
-            _predict(A, C, D, noise, dt)
-        else:
-            for i in range(6):
-                A[i, i] += noise[i] * dt
+        _advance(X, v, order, dt)
+        _predict(P, noise, order, dt)
         _difference(X, kf.Z[k], e)
-        outlier = half + _whiten(e, A, R_out, k, L, x) if kf.undecided[k] > 0.0 else -np.inf
-        density = half + _whiten(e, A, R, k, L, x)
+        outlier = half + _whiten(e, P[0, 0], R_out, k, L, x) if kf.undecided[k] > 0.0 else -np.inf
+        density = half + _whiten(e, P[0, 0], R, k, L, x)
         if kf.undecided[k] > 0.0:
             inlier[k], density = inlier_share(density, outlier, share)
             if inlier[k] < 1.0 - 1e-9:
                 _blended(R, R_out, k, inlier[k], blended)
-                _whiten(e, A, blended, zero, L, x)
+                _whiten(e, P[0, 0], blended, zero, L, x)
         value += density
         if k < kf.size[0] - kf.pending[0]:
             before = value
-        if has_velocity:
-            _gain(L, C, x, KC, step)
-            for i in range(6):
-                v[i] += step[i]
-        _gain(L, A, x, KA, step)
+        for a in range(order, -1, -1):
+            _gain(L, P[0, a], x, K[a], step)
+            if a > 0:
+                for i in range(6):
+                    v[a - 1, i] += step[i]
         _move(X, step, 1.0)
-        _reduce(A, KA, KA)
-        if has_velocity:
-            _reduce(C, KA, KC)
-            _reduce(D, KC, KC)
+        for a in range(order + 1):
+            for b in range(order + 1):
+                _reduce(P[a, b], K[a], K[b])
     return before, value
 
 
@@ -257,8 +288,8 @@ def log_evidences(kf: Keyframes, motion: FreeMotion, outliers: Array, inlier: Ar
         values[0, i], values[1, i] = _filter(
             kf,
             motion.noise[i],
-            motion.velocity,
-            motion.has_velocity[i] > 0.0,
+            motion.first,
+            motion.order[i],
             R,
             R_out,
             outliers[0],

@@ -12,7 +12,7 @@ OUTLIERS = np.zeros(7)  # None.
 
 
 def _fill(poses: np.ndarray, R: np.ndarray, capacity: int = 32) -> Keyframes:
-    kf = pose_keyframes.empty_keyframes(capacity)
+    kf = pose_keyframes.empty_keyframes(capacity, 6)
     for k, X in enumerate(poses):
         if kf.size[0] == capacity:
             at, average = pose_keyframes.choose(kf, 0.05, np.ones(capacity))
@@ -36,7 +36,7 @@ def test_the_mean_of_two_poses_on_a_screw_is_on_the_screw_at_the_mean_time() -> 
 @pytest.mark.parametrize("floor", [0.0, 1e-4])
 def test_a_less_certain_pose_counts_less_in_the_mean(floor: float) -> None:
     """By its noise alone: how far both deviate from an ideal path is nothing that averages out."""
-    kf = pose_keyframes.empty_keyframes(4)
+    kf = pose_keyframes.empty_keyframes(4, 6)
     pose_keyframes.append(kf, np.eye(4), np.eye(6), 0.0, OUTLIERS)
     for x, variance in ((0.0, 1e-6), (1.0, 3e-6)):
         X = np.eye(4)
@@ -101,7 +101,7 @@ def test_to_and_fro_for_long_marginalises_keyframes_instead_of_averaging_the_mot
 
 
 def test_a_measurement_that_is_likely_an_outlier_counts_little_in_the_mean() -> None:
-    kf = pose_keyframes.empty_keyframes(4)
+    kf = pose_keyframes.empty_keyframes(4, 6)
     outliers = np.array([0.02, *np.repeat([1.0, 0.09], 3)])
     X = np.eye(4)
     for k, x in enumerate((0.0, 0.0, 0.05)):
@@ -116,7 +116,7 @@ def test_a_measurement_that_is_likely_an_outlier_counts_little_in_the_mean() -> 
 
 
 def test_what_is_an_outlier_is_averaged_at_once_and_what_may_be_none_at_last() -> None:
-    kf = pose_keyframes.empty_keyframes(12)
+    kf = pose_keyframes.empty_keyframes(12, 6)
     outliers = np.array([0.02, *np.repeat([1.0, 0.09], 3)])
     rng, at = np.random.default_rng(0), 4
     for k in range(12):
@@ -139,7 +139,7 @@ def test_scale_and_floor_change_what_the_keyframes_know() -> None:
 
 @pytest.mark.parametrize("deviations", [0.0, 1.0])
 def test_an_exact_reference_has_no_floor(deviations: float) -> None:
-    kf = pose_keyframes.empty_keyframes(4)
+    kf = pose_keyframes.empty_keyframes(4, 6)
     kf.reference_deviates[0] = deviations
     for k in range(2):
         pose_keyframes.append(kf, np.eye(4), 1e-6 * np.eye(6), float(k), OUTLIERS)

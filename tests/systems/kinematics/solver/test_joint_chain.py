@@ -41,7 +41,7 @@ TIMES = np.array([0.0, 0.1, 0.3, 0.4, 0.9, 1.0, 1.1])
 
 def _problem(kind: int) -> tuple[Models, Keyframes]:
     rng = np.random.default_rng(kind)
-    m, kf = initial_models(K), pose_keyframes.empty_keyframes(K)
+    m, kf = initial_models(K), pose_keyframes.empty_keyframes(K, 6)
     a = rng.normal(size=3)
     m.a[kind] = a / np.linalg.norm(a)
     if turns(kind):

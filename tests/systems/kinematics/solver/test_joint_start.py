@@ -26,7 +26,7 @@ CASES = {case.name: case for case in all_cases()}
 
 def _arc(angle: float, noise: float, seed: int) -> Keyframes:
     """Positions on an arc of radius 0.4 m about (0, 0.4, 0), along z."""
-    rng, kf = np.random.default_rng(seed), empty_keyframes(24)
+    rng, kf = np.random.default_rng(seed), empty_keyframes(24, 6)
     for k, q in enumerate(np.linspace(0.0, angle, 20)):
         X = np.eye(4)
         X[:3, 3] = 0.4 * np.array([np.sin(q), 1.0 - np.cos(q), 0.0]) + noise * rng.normal(size=3)

@@ -59,6 +59,15 @@ def test_a_drift_along_with_the_motion_is_no_pitch_and_no_lack_of_one(name: str,
     assert not outcome.wrong
 
 
+@pytest.mark.parametrize("seed", [11, 24])
+def test_a_smooth_free_motion_is_no_joint_with_smooth_errors(seed: int) -> None:
+    """With random walks of pose and velocity alone both were joints with p > .95 for a moment."""
+    case = CASES["free, 3 mm, 1 deg over 5 s"]
+    outcome = evaluate_case(case, seed, JointFilters(JointFiltersConfig()))
+    assert outcome.type in case.accepted
+    assert not outcome.wrong
+
+
 def test_without_that_error_the_same_stream_is_misread() -> None:
     config = JointFiltersConfig(errors=MeasurementErrorsConfig(wander=0.0))
     case = CASES["drawer, 1 mm, 4 deg over 1.5 s"]

@@ -101,47 +101,50 @@ def _difference(X: Array, Z: Array, e: Array) -> None:
 
 
 @hot
-def _predict(P: Array, noise: Array, order: int, dt: float) -> None:
-    """Covariances (D + 1, D + 1, 6, 6) of the pose and its derivatives, dt [s] later."""
-    d = order + 1
-    F, Q, A, B = np.zeros((d, d)), np.empty((d, d)), np.empty((d, d)), np.empty((d, d))
-    for a in range(d):
-        F[a, a] = 1.0
-        for b in range(a + 1, d):
-            F[a, b] = F[a, b - 1] * dt / (b - a)
-    for a in range(d):
-        for b in range(d):
-            Q[a, b] = F[a, order] * F[b, order] * dt / (2 * order + 1 - a - b)
+def _integral(dt: float, times: int) -> float:
+    """What a constant one becomes in dt [s], integrated so many times."""
+    value = 1.0
+    for i in range(times):
+        value *= dt / (i + 1.0)
+    return value
+
+
+@hot
+def _add(A: Array, B: Array, scale: float) -> None:
+    """A += scale B, both (6, 6)."""
     for i in range(6):
         for j in range(6):
-            for a in range(d):
-                for b in range(d):
-                    A[a, b] = 0.0
-                    for c in range(a, d):
-                        A[a, b] += F[a, c] * P[c, b, i, j]
-            for a in range(d):
-                for b in range(d):
-                    B[a, b] = 0.0
-                    for c in range(b, d):
-                        B[a, b] += A[a, c] * F[b, c]
-            for a in range(d):
-                for b in range(d):
-                    P[a, b, i, j] = B[a, b] + (noise[i] * Q[a, b] if i == j else 0.0)
+            A[i, j] += scale * B[i, j]
+
+
+@hot
+def _predict(P: Array, noise: Array, order: int, dt: float) -> None:
+    """Covariances (D + 1, D + 1, 6, 6) of the pose and its derivatives, dt [s] later."""
+    for a in range(order):
+        for c in range(a + 1, order + 1):
+            for b in range(order + 1):
+                _add(P[a, b], P[c, b], _integral(dt, c - a))
+    for b in range(order):
+        for c in range(b + 1, order + 1):
+            for a in range(order + 1):
+                _add(P[a, b], P[a, c], _integral(dt, c - b))
+    for a in range(order + 1):
+        for b in range(order + 1):
+            since = _integral(dt, order - a) * _integral(dt, order - b)
+            since *= dt / (2 * order + 1 - a - b)
+            for i in range(6):
+                P[a, b, i, i] += noise[i] * since
 
 
 @hot
 def _advance(X: Array, v: Array, order: int, dt: float) -> None:
     """Moves a pose by its derivatives (D, 6), and these, dt [s] on."""
-    share = dt
     for a in range(order):
-        _move(X, v[a], share)
-        share *= dt / (a + 2.0)
+        _move(X, v[a], _integral(dt, a + 1))
     for a in range(order):
-        share = dt
         for b in range(a + 1, order):
             for i in range(6):
-                v[a, i] += share * v[b, i]
-            share *= dt / (b - a + 1.0)
+                v[a, i] += _integral(dt, b - a) * v[b, i]
 
 
 @hot
@@ -259,8 +262,12 @@ def _filter(
                     v[a - 1, i] += step[i]
         _move(X, step, 1.0)
         for a in range(order + 1):
-            for b in range(order + 1):
+            for b in range(a, order + 1):
                 _reduce(P[a, b], K[a], K[b])
+                if b > a:
+                    for i in range(6):
+                        for j in range(6):
+                            P[b, a, j, i] = P[a, b, i, j]
     return before, value
 
 

@@ -46,9 +46,6 @@ def bend(m: Models, kf: Keyframes, priors: Priors, deviations: Array, errors: Wa
     return far_evidence(m, kf, priors, waves, lin)
 
 
-# Share of the usual deviations' variance that a joint has for certain if rotations err: by these
-# alone, a bent path would seem to be a perfect one about another axis.
-_WITH_ERRORS = 0.1
 _UNUSUAL = 5.0  # Prior log odds against smooth deviations, [nat].
 _AHEAD = 3.0  # Log evidence over the slide's from which a hinge's own solution counts, [nat].
 _PRUNING_THRESHOLD = 20.0  # Log evidence of a slide below the best one's, [nat].
@@ -155,13 +152,9 @@ def with_deviations(
     m: Models, kf: Keyframes, priors: Priors, deviations: Array, errors: Waves
 ) -> tuple[Array, Models]:
     """`type_evidence` with these errors, and deviations from the path that there may be."""
-    least, larger = np.zeros((6, 6)), deviations.copy()
-    if errors.variance.size > 0:
-        least = np.diag(_WITH_ERRORS * USUAL_DEVIATION)
-        np.fill_diagonal(larger, np.maximum(np.diagonal(deviations), np.diagonal(least)))
-    evidence, at = _evidence_with(m, kf, priors, least, errors)
-    if np.trace(larger) == np.trace(least):
+    evidence, at = _evidence_with(m, kf, priors, 0.0 * deviations, errors)
+    if np.trace(deviations) == 0.0:
         return evidence, at
     unusual = _UNUSUAL + 0.5 * deviations[3, 3] / USUAL_DEVIATION[3]
-    smooth, other = _evidence_with(m, kf, priors, larger, errors)
+    smooth, other = _evidence_with(m, kf, priors, deviations, errors)
     return _mixed(evidence, at, smooth - unusual, other)

@@ -47,9 +47,8 @@ class Wander(NamedTuple):
 
 NONE = Wander()
 GENEROUS = Wander(3, 2)  # From which others are looked for.
-COUNT = len(TIMES) * sum(
-    2.0**-n for n in range(len(SIZES))
-)  # All are as common as so many of the smallest.
+# All of them together are as common as so many of the smallest size.
+COUNT = len(TIMES) * sum(2.0**-n for n in range(len(SIZES)))
 
 
 def wander_waves(w: Wander, kf: Keyframes) -> Waves:

@@ -76,7 +76,7 @@ def _model(case: Case, belief: JointBelief) -> JointModelBelief | None:
     return belief.models[JointType(case.joint)]
 
 
-def evaluate_case(case: Case, seed: int, filters: JointFilters) -> Outcome:
+def evaluate_case(case: Case, seed: int | tuple[int, int], filters: JointFilters) -> Outcome:
     """Runs the filters over one stream."""
     stream = simulate_case(case, seed)
     state = filters.start(stream.X_PB_measured[0], stream.covariances[0], 0.0)
@@ -185,7 +185,12 @@ def main(
     filters = JointFilters(JointFiltersConfig())
     of_kind = wandering_cases() if wander else cases_with_outliers() if plain else all_cases()
     chosen = [case for case in of_kind if cases in case.name]
-    tasks = [(case, seed) for case in chosen for seed in range(first_seed, first_seed + seeds)]
+    # A seed draws another stream for each case.
+    tasks = [
+        (case, (seed, of_kind.index(case)))
+        for case in chosen
+        for seed in range(first_seed, first_seed + seeds)
+    ]
     results = Parallel(n_jobs=jobs, return_as="generator")(
         delayed(evaluate_case)(case, seed, filters) for case, seed in tasks
     )

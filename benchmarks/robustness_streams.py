@@ -171,7 +171,7 @@ def _bent(case: Case, poses: Array, axis: Array, rng: np.random.Generator) -> Ar
     return np.array(bent)
 
 
-def simulate_case(case: Case, seed: int) -> RobustnessStream:
+def simulate_case(case: Case, seed: int | tuple[int, int]) -> RobustnessStream:
     """One stream, the same for the same seed."""
     rng = np.random.default_rng(seed)
     axis, X0 = _unit(rng), np.eye(4)

@@ -57,7 +57,6 @@ from crossmodal.systems.kinematics.solver.joint_solver import (
 )
 from crossmodal.systems.kinematics.solver.parameter_priors import may_be_far, pitch_evidence
 
-ROUGH = 0.25  # Independent deviations beside the smooth ones, as a share of these.
 _NEGLIGIBLE = 200.0  # Log evidence below the best one's from which a model is left out, [nat].
 # A stored log evidence that is larger by this than the present one is inherited: the model has not
 # been solved since, see `joint_update.solve_all`, [nat].
@@ -263,6 +262,7 @@ def smooth_evidence(
     kf: Keyframes,
     priors: Priors,
     deviations: Array,
+    rough: Array,
     errors: Waves,
     evidence: Array,
     at: Models,
@@ -275,6 +275,7 @@ def smooth_evidence(
     Args:
         deviations: Covariance (6, 6), in B, of those from the path; zero for none. With these
             alone a model stays where it is, but for its covariance.
+        rough: Covariance (6, 6) of each keyframe's independent error beside its noise.
         errors: Of the measurements, smooth in time. With these it is solved anew.
         at: Result; a copy of `m`.
 
@@ -293,7 +294,6 @@ def smooth_evidence(
     best = evidence[:JOINTS].max() if wanders else evidence.max()
     least, log_det = best - _NEGLIGIBLE, 0.5 * kf.log_det[:size].sum()
     is_smooth = np.trace(deviations) > 0.0
-    rough = ROUGH**2 * deviations if is_smooth else kf.floor
     for kind in range(JOINTS):
         if evidence[kind] < least or (kind == SCREW and is_hinge):
             continue

@@ -18,7 +18,7 @@ from crossmodal.systems.kinematics.evidence.deviation_series import (
     no_waves,
     with_path_waves,
 )
-from crossmodal.systems.kinematics.evidence.smooth_solution import ROUGH, smooth_evidence
+from crossmodal.systems.kinematics.evidence.smooth_solution import smooth_evidence
 from crossmodal.systems.kinematics.evidence.wander import NONE, Wander, wander_waves
 from crossmodal.systems.kinematics.keyframes.pose_keyframes import Keyframes
 from crossmodal.systems.kinematics.solver.joint_geometry import (
@@ -35,17 +35,22 @@ from crossmodal.systems.kinematics.solver.joint_start import copy_model
 from crossmodal.systems.kinematics.solver.parameter_priors import hinge_evidence, may_be_far
 
 
-def bend(m: Models, kf: Keyframes, priors: Priors, deviations: Array, errors: Waves) -> float:
+def bend(
+    m: Models, kf: Keyframes, priors: Priors, deviations: Array, rough: Array, errors: Waves
+) -> float:
     """See `far_evidence`; the arguments are those of `smooth_evidence`."""
-    waves, rough = errors, kf.floor
+    waves = errors
     if np.trace(deviations) > 0.0:
-        rough = ROUGH**2 * deviations
         waves = with_path_waves(m.q[PRISMATIC], int(kf.size[0]), deviations, errors)
     lin = new_linear(kf.time.size, int(waves.variance.size))
     add_keyframes(BENT_SLIDE, m, kf, rough, waves, lin)
     return far_evidence(m, kf, priors, waves, lin)
 
 
+# Share of the usual deviations' variance that a joint has for certain if rotations err: by these
+# alone, a bent path would seem to be a perfect one about another axis.
+_WITH_ERRORS = 0.1
+_ROUGH = 0.25  # Independent deviations beside the smooth ones, as a share of these.
 _UNUSUAL = 5.0  # Prior log odds against smooth deviations, [nat].
 _AHEAD = 3.0  # Log evidence over the slide's from which a hinge's own solution counts, [nat].
 _PRUNING_THRESHOLD = 20.0  # Log evidence of a slide below the best one's, [nat].
@@ -59,6 +64,7 @@ def _count_limits(
     kf: Keyframes,
     priors: Priors,
     deviations: Array,
+    rough: Array,
     errors: Waves,
 ) -> None:
     """Counts screws of next to no pitch as hinges, and bent slides as hinges far away, in place.
@@ -70,13 +76,13 @@ def _count_limits(
     slide = evidence[PRISMATIC]
     matters = evidence.max() - _PRUNING_THRESHOLD < slide and evidence[REVOLUTE] < slide + _AHEAD
     if matters and priors.far_axes and may_be_far(kf):
-        far = slide + bend(m, kf, priors, deviations, errors)
+        far = slide + bend(m, kf, priors, deviations, rough, errors)
         evidence[REVOLUTE] = max(evidence[REVOLUTE], far)
         evidence[SCREW] = max(evidence[SCREW], far)
 
 
 def _evidence_with(
-    m: Models, kf: Keyframes, priors: Priors, deviations: Array, errors: Waves
+    m: Models, kf: Keyframes, priors: Priors, deviations: Array, rough: Array, errors: Waves
 ) -> tuple[Array, Models]:
     """`type_evidence` if the errors are these for certain; see `smooth_evidence`."""
     if errors.variance.size > 0:  # They turn a slide as a far hinge does.
@@ -85,8 +91,8 @@ def _evidence_with(
     if np.trace(deviations) == 0.0 and errors.variance.size == 0 and kf.wander[0] == 0.0:
         pitch, variance = m.pitch[SCREW], m.covariance[SCREW, 10, 10]
     else:
-        pitch, variance = smooth_evidence(m, kf, priors, deviations, errors, evidence, at)
-    _count_limits(evidence, pitch, variance, m, kf, priors, deviations, errors)
+        pitch, variance = smooth_evidence(m, kf, priors, deviations, rough, errors, evidence, at)
+    _count_limits(evidence, pitch, variance, m, kf, priors, deviations, rough, errors)
     return evidence, at
 
 
@@ -152,9 +158,11 @@ def with_deviations(
     m: Models, kf: Keyframes, priors: Priors, deviations: Array, errors: Waves
 ) -> tuple[Array, Models]:
     """`type_evidence` with these errors, and deviations from the path that there may be."""
-    evidence, at = _evidence_with(m, kf, priors, 0.0 * deviations, errors)
+    least = np.diag(_WITH_ERRORS * USUAL_DEVIATION) if errors.variance.size else 0.0 * deviations
+    evidence, at = _evidence_with(m, kf, priors, least, kf.floor, errors)
     if np.trace(deviations) == 0.0:
         return evidence, at
     unusual = _UNUSUAL + 0.5 * deviations[3, 3] / USUAL_DEVIATION[3]
-    smooth, other = _evidence_with(m, kf, priors, deviations, errors)
+    deviations, rough = np.maximum(deviations, least), _ROUGH**2 * deviations
+    smooth, other = _evidence_with(m, kf, priors, deviations, rough, errors)
     return _mixed(evidence, at, smooth - unusual, other)

@@ -36,6 +36,7 @@ from crossmodal.systems.kinematics.solver.joint_models import copy_models
 
 CASES = {case.name: case for case in all_cases()}
 DEVIATIONS = np.diag(np.repeat([5e-3**2, 1.5e-3**2], 3))
+ROUGH = DEVIATIONS / 16.0
 
 
 def _state(name: str, seconds: float, seed: int = 0) -> JointFiltersState:
@@ -141,7 +142,8 @@ def test_smooth_deviations_explain_bends_better_than_independent_ones(name: str,
     for seed in range(3):
         state = _state(f"{name}, bent by 2 mm, 1 mm", 20.0, seed)
         m, kf = state.models, state.keyframes
-        smooth_evidence(m, kf, priors, DEVIATIONS, no_waves(kf.time.size), smooth, copy_models(m))
+        waves = no_waves(kf.time.size)
+        smooth_evidence(m, kf, priors, DEVIATIONS, ROUGH, waves, smooth, copy_models(m))
         assert smooth[kind] > state.models.log_evidence[kind] + 5.0
         assert state.deviations_index > 0
 
@@ -152,6 +154,7 @@ def test_in_white_noise_there_are_no_bends() -> None:
     for name, kind in (("door", REVOLUTE), ("drawer", PRISMATIC), ("rigid", RIGID)):
         state = _state(name, 10.0)
         m, kf = state.models, state.keyframes
-        smooth_evidence(m, kf, priors, DEVIATIONS, no_waves(kf.time.size), smooth, copy_models(m))
+        waves = no_waves(kf.time.size)
+        smooth_evidence(m, kf, priors, DEVIATIONS, ROUGH, waves, smooth, copy_models(m))
         assert smooth[kind] < state.models.log_evidence[kind] + 3.0
         assert state.deviations_index == 0

@@ -68,6 +68,10 @@ class CompilationTime(TimingListener):
         return float(self.duration) if self.done else 0.0
 
 
+# What people are told before.
+COMPILING = "Compiling the filters' inner loops: a minute more, this first time."
+
+
 @contextmanager
 def compilation_timed(announce: Callable[[], None] | None = None) -> Iterator[CompilationTime]:
     """Measures what is compiled inside it.

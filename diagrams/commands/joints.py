@@ -75,6 +75,8 @@ def joints_command(
         from crossmodal.diagrams.joints.track_joint import described, write_results
         from crossmodal.diagrams.run.folder.run_folder import write_text
         from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
+        from crossmodal.maths.compiled import COMPILING, compilation_timed
+        from crossmodal.systems.compile_ahead import compile_ahead
         from crossmodal.systems.object_models.model_text import as_name
         from crossmodal.systems.pose_tracks.doubts import doubts
         from crossmodal.systems.pose_tracks.joint_model import to_sdf, to_urdf
@@ -111,6 +113,8 @@ def joints_command(
             if parent is not None or parent_topic:
                 of_parent = read(parent or files[0], parent_topic)
                 tracks = [relative_track(of_parent, tracks[0])]
+            with compilation_timed(lambda: typer.echo(COMPILING, err=True)):
+                compile_ahead("joints")
             found = estimate_repeats(
                 [from_its_start(track) for track in tracks],
                 progress=lambda poses: tqdm(poses, "poses", leave=False, disable=None),

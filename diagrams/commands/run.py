@@ -245,7 +245,7 @@ def _simulate(
     from tqdm import tqdm
 
     from crossmodal.diagrams.run.episode import run_episode
-    from crossmodal.maths.compiled import compilation_timed
+    from crossmodal.maths.compiled import COMPILING, compilation_timed
 
     log.begin(f"Building the simulation of {scenario.name}, seed {scenario.seed}")
     bar = tqdm(
@@ -259,7 +259,7 @@ def _simulate(
     def announce() -> None:
         log.note("the filters' inner loops are compiled")
         if not log.is_quiet:
-            bar.write("Compiling the filters' inner loops: a minute more, this first time.")
+            bar.write(COMPILING)
 
     with GentleInterrupt() as interrupt, bar, compilation_timed(announce):
 

@@ -7,6 +7,7 @@ from types import MappingProxyType
 import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
+from crossmodal.diagrams.run.believed import depth_camera
 from crossmodal.diagrams.run.calibration import Calibration
 from crossmodal.diagrams.stations.add_monitors import (
     add_image_monitor,
@@ -20,6 +21,7 @@ from crossmodal.diagrams.stations.connections import (
     export_outputs,
 )
 from crossmodal.diagrams.stations.filters import Filters, MakeFilter
+from crossmodal.systems.kinematics.calibration_errors import SensorCalibration
 from crossmodal.systems.kinematics.joint_filters_config import JointFiltersConfig, TypePriorsConfig
 from crossmodal.systems.kinematics.kinematic_model import KinematicModel, KinematicModelConfig
 from crossmodal.systems.kinematics.measurement_errors import MeasurementErrorsConfig
@@ -207,19 +209,29 @@ def make_network(
     filters = Filters(replacements)
     kinematics = config.joints
     if modality == "vision":
-        model = filters.add(builder, "kinematic_model", KinematicModel, kinematics, inputs=1)
+        camera = _camera(calibration)
+        model = filters.add(builder, "kinematic_model", KinematicModel, kinematics, camera=camera)
         bodies = _add_vision(builder, filters, config, calibration, with_held_body=False)
         connect(builder, [(bodies, _BODIES, model, "body_motions")])
         connect(builder, [(model, "bodies_predicted", bodies, "joint_predictions")])
     elif modality == "proprioception":
-        model = filters.add(builder, "kinematic_model", KinematicModel, kinematics, inputs=1)
+        arm = _arm_base(calibration)
+        model = filters.add(builder, "kinematic_model", KinematicModel, kinematics, arm=arm)
         body, grasp = _add_proprioception(
             builder, filters, config, calibration, corrected_by_vision=False
         )
         connect_alike(builder, body, _BODIES, grasp)
         connect(builder, [(body, _BODIES, model, "body_motions")])
     else:
-        model = filters.add(builder, "kinematic_model", KinematicModel, kinematics, inputs=2)
+        model = filters.add(
+            builder,
+            "kinematic_model",
+            KinematicModel,
+            kinematics,
+            inputs=2,
+            camera=_camera(calibration),
+            arm=_arm_base(calibration),
+        )
         _add_vision(builder, filters, config, calibration, with_held_body=True)
         body, _ = _add_proprioception(
             builder, filters, config, calibration, corrected_by_vision=True
@@ -237,6 +249,22 @@ def make_network(
     diagram = builder.Build()
     diagram.set_name(modality)
     return diagram
+
+
+def _camera(calibration: Calibration) -> SensorCalibration:
+    camera = depth_camera(calibration)
+    return SensorCalibration(
+        X_WF=camera.X_WC,
+        covariance=camera.pose_covariance,
+        scale=camera.depth_scale_std,
+        focal_length=camera.focal_length_std,
+        latency=camera.latency_std,
+    )
+
+
+def _arm_base(calibration: Calibration) -> SensorCalibration:
+    arm = calibration.arm
+    return SensorCalibration(X_WF=arm.X_WBase.GetAsMatrix4(), covariance=arm.covariance)
 
 
 def _add_vision(

@@ -12,6 +12,7 @@ from crossmodal.diagrams.crossmodal.objects.object_import import check_grasp, ch
 from crossmodal.diagrams.crossmodal.objects.object_model import read_object_model
 from crossmodal.diagrams.crossmodal.robot_config import HAND, ControlConfig, SensorsConfig
 from crossmodal.diagrams.run import scenario as base
+from crossmodal.diagrams.run.calibration import CalibrationConfig, CalibrationErrors
 from crossmodal.diagrams.run.scenario import CameraConfig
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, suggestion
 from crossmodal.diagrams.stations import pushed
@@ -118,6 +119,11 @@ def _one_camera() -> dict[str, CameraConfig]:
     return {"camera": CameraConfig(position=position, looking_at=target)}
 
 
+def _trusted() -> CalibrationConfig:
+    """Perfect, and the robot knows it: the joints' covariances do not grow by it."""
+    return CalibrationConfig(believed=CalibrationErrors())
+
+
 @dataclass(kw_only=True)
 class Scenario(base.Scenario):
     """One kind of episode; with a seed, one episode."""
@@ -127,6 +133,7 @@ class Scenario(base.Scenario):
     model_drivers: dict[str, ModelDriver] = field(default_factory=lambda: {"hand": ModelDriver()})
     objects: dict[str, ObjectConfig] = field(default_factory=lambda: {"object": ObjectConfig()})
     cameras: dict[str, CameraConfig] = field(default_factory=_one_camera)
+    calibration: CalibrationConfig = field(default_factory=_trusted)
     sensors: SensorsConfig = field(default_factory=SensorsConfig)
     perception: PerceptionConfig = field(default_factory=PerceptionConfig)
     control: ControlConfig = field(default_factory=ControlConfig)

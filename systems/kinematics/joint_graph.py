@@ -436,6 +436,11 @@ def _health(
     return StreamHealth(age=max(ages, default=0.0), fault="; ".join(found))
 
 
+def is_felt_alone(graph: JointGraphState, body_id: int) -> bool:
+    """Whether a body is the one in the hand, and no eye has seen it move."""
+    return body_id == HELD_BODY and not graph.is_sighted and graph.seen.body_id == STATIC_BODY
+
+
 def predict_bodies(
     graph: JointGraphState, filters: JointFilters, config: KinematicModelConfig
 ) -> BodyPredictions:

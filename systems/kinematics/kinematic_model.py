@@ -2,20 +2,27 @@
 
 from functools import partial
 
+import numpy as np
 from pydrake.systems.framework import Context
 
 from crossmodal.maths.validation import check
+from crossmodal.systems.kinematics.calibration_errors import (
+    PERFECT,
+    SensorCalibration,
+    with_calibration,
+)
 from crossmodal.systems.kinematics.joint_graph import (
     EMPTY_GRAPH,
     JointGraphState,
     KinematicModelConfig,
     grasp_configuration,
+    is_felt_alone,
     merge_bodies,
     pair_filters,
     predict_bodies,
     update_graph,
 )
-from crossmodal.systems.port_values import MOVING_TYPES, BodyMotions, JointBeliefs
+from crossmodal.systems.port_values import MOVING_TYPES, STATIC_BODY, BodyMotions, JointBeliefs
 from crossmodal.systems.recursive_filter import RecursiveFilter
 
 
@@ -48,7 +55,8 @@ class KinematicModel(RecursiveFilter):
 
     Output ports:
     - `joints_estimated`: `JointBeliefs` of this tick, in P; for other filters only.
-    - `joints_latest`: the same of the last tick, from the state.
+    - `joints_latest`: the same of the last tick, from the state, with what the calibration may be
+      off by.
     - `body_motions_latest`: `BodyMotions` that the joints belong to, from the state; a body that is
       not measured any more stays, as it was, for as long as its joints do.
     - `bodies_predicted`: `BodyPredictions` X_WB at the next tick, from the state: by every joint
@@ -64,21 +72,30 @@ class KinematicModel(RecursiveFilter):
 
     Args:
         inputs: Number of `body_motions` ports.
+        camera: Of the bodies that the eye follows.
+        arm: Its base, for the body in a hand that no eye has seen.
     """
 
-    def __init__(self, config: KinematicModelConfig, inputs: int = 1) -> None:
+    def __init__(
+        self,
+        config: KinematicModelConfig,
+        inputs: int = 1,
+        camera: SensorCalibration = PERFECT,
+        arm: SensorCalibration = PERFECT,
+    ) -> None:
         super().__init__()
         check(config, "KinematicModel")
         if inputs < 1:
             raise ValueError(f"KinematicModel: inputs = {inputs!r}, need >= 1")
         self._config = config
+        self._camera, self._arm = camera, arm
         self._filters = pair_filters(config, owner="KinematicModel")
         names = ["body_motions"] + [f"body_motions_{i}" for i in range(1, inputs)]
         self._bodies = [self._declare_value_input(name, BodyMotions()) for name in names]
         predict = partial(predict_bodies, filters=self._filters.seen, config=config)
         self._declare_recursion(EMPTY_GRAPH, self._calc_graph, config.period)
         self._declare_estimated("joints_estimated", self._beliefs)
-        self._declare_latest("joints_latest", self._beliefs)
+        self._declare_latest("joints_latest", self._reported)
         self._declare_latest(
             "body_motions_latest",
             lambda graph: BodyMotions(bodies=[graph.bodies[i] for i in sorted(graph.bodies)]),
@@ -100,4 +117,13 @@ class KinematicModel(RecursiveFilter):
                 q = grasp_configuration(graph, pair, joint_type, filters)
                 joint.models[joint_type].grasp_configuration = q
             joints.append(joint)
+        return JointBeliefs(joints=joints)
+
+    def _reported(self, graph: JointGraphState) -> JointBeliefs:
+        joints = []
+        for joint in self._beliefs(graph).joints:
+            sensor = self._arm if is_felt_alone(graph, joint.child_id) else self._camera
+            parent = joint.parent_id
+            X_WP = np.eye(4) if parent == STATIC_BODY else graph.bodies[parent].motion.X
+            joints.append(with_calibration(joint, sensor, X_WP))
         return JointBeliefs(joints=joints)

@@ -185,9 +185,10 @@ def main(
     filters = JointFilters(JointFiltersConfig())
     of_kind = wandering_cases() if wander else cases_with_outliers() if plain else all_cases()
     chosen = [case for case in of_kind if cases in case.name]
-    # A seed draws another stream for each case.
+    # A seed draws another stream for each case, but the same motion for all shares of outliers.
+    distinct = len(plain_cases(0.0)) if plain else len(of_kind)
     tasks = [
-        (case, (seed, of_kind.index(case)))
+        (case, (seed, of_kind.index(case) % distinct))
         for case in chosen
         for seed in range(first_seed, first_seed + seeds)
     ]

@@ -190,6 +190,9 @@ def as_yaml(facts: CameraFacts | None, width: int, height: int) -> str:
         "errors:  # Standard deviations of what is written above.",
         "  camera_rotation: 0.5 deg",
         "  camera_translation: 5 mm",
+        "  focal_length: 0.005",
+        "  depth_scale: 0.005",
+        "  latency: 20 ms",
         "  arm_rotation: 0.3 deg",
         "  arm_translation: 3 mm",
     ]

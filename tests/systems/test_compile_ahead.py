@@ -103,6 +103,7 @@ def test_other_processes_compile_what_the_application_needs_and_no_more(tmp_path
     ("application", "what"),
     [
         ("crossmodal", "perceive(RECORDINGS[1])"),
+        ("joints", "find_joints()"),
         (
             "clutter",
             "run_episode(*load_scenario('pose-estimation', ['touches.chosen_touches=1']))",

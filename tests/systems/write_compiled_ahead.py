@@ -7,6 +7,7 @@ import multiprocessing
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import yaml
@@ -16,10 +17,14 @@ from numba.core.dispatcher import Dispatcher
 from crossmodal.diagrams.applications import load_scenario
 from crossmodal.diagrams.run.episode import run_episode
 from crossmodal.systems.compile_ahead import LIST
+from crossmodal.systems.pose_tracks.pose_track import from_its_start
+from crossmodal.systems.pose_tracks.repeats import estimate_repeats
+from crossmodal.systems.pose_tracks.track_files import read_track
 from tests.recordings.outputs import RECORDINGS, perceive
 
-# By application: scenarios, and what makes their episodes short.
-EPISODES = {
+# By application: scenarios, and what makes their episodes short; `joints` is the command.
+EPISODES: dict[str, dict[str, list[str]]] = {
+    "joints": {},
     "crossmodal": {"drawer": ["duration=1"]},
     "flap": {"flap": ["duration=10"]},
     "clutter": {
@@ -36,6 +41,9 @@ EPISODES = {
         ],
     },
 }
+FOLDER = Path(__file__).parents[2] / "benchmarks/tracks"
+# Of a hand on a drawer, and of markers on a drawer and a door.
+TRACKS = [FOLDER / f"{name}.txt" for name in ("drawer", "drawer_001", "left_door_001")]
 HEADER = "# Written by `python -m tests.systems.write_compiled_ahead`; see compile_ahead.py.\n"
 Call = tuple[str, tuple[types.Type, ...]]
 
@@ -84,12 +92,20 @@ def _written(kinds: tuple[Any, ...], named_tuples: dict[str, str]) -> str:
     return ", ".join(written)
 
 
+def find_joints() -> None:
+    """What `crossmodal joints` does with a few tracks of real objects."""
+    for track in TRACKS:
+        estimate_repeats([from_its_start(read_track(track, rate=15.0))])
+
+
 def functions_of(application: str) -> dict[str, Any]:
     """What an application calls; in a process of its own, since a first call is noted once."""
     with noted_calls() as calls:
         if application == "crossmodal":
             for folder in RECORDINGS:
                 perceive(folder)
+        if application == "joints":
+            find_joints()
         for name, changes in EPISODES[application].items():
             run_episode(*load_scenario(name, changes))
     return document(calls)
@@ -99,8 +115,11 @@ def main() -> None:
     # Functions of the old list may be gone.
     LIST.write_text(yaml.safe_dump({"named_tuples": {}, "functions": {}}))
     spawn = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(mp_context=spawn, max_tasks_per_child=1) as pool:
-        found = dict(zip(EPISODES, pool.map(functions_of, EPISODES), strict=True))
+    # What a process compiles hides the calls of what is compiled with it, so that the first time only
+    # fills the cache.
+    for _ in range(2):
+        with ProcessPoolExecutor(mp_context=spawn, max_tasks_per_child=1) as pool:
+            found = dict(zip(EPISODES, pool.map(functions_of, EPISODES), strict=True))
     named_tuples = {k: v for one in found.values() for k, v in one["named_tuples"].items()}
     functions = {application: one["functions"] for application, one in found.items()}
     whole = {"named_tuples": named_tuples, "functions": functions}

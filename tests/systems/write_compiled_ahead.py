@@ -115,8 +115,8 @@ def main() -> None:
     # Functions of the old list may be gone.
     LIST.write_text(yaml.safe_dump({"named_tuples": {}, "functions": {}}))
     spawn = multiprocessing.get_context("spawn")
-    # What a process compiles hides the calls of what is compiled with it, so that the first time only
-    # fills the cache.
+    # What a process compiles hides the calls of what is compiled with it: the first time only fills
+    # the cache.
     for _ in range(2):
         with ProcessPoolExecutor(mp_context=spawn, max_tasks_per_child=1) as pool:
             found = dict(zip(EPISODES, pool.map(functions_of, EPISODES), strict=True))

@@ -49,14 +49,10 @@ lint: $(DEVELOPING)
 	$(BIN)/lint-imports
 	$(BIN)/mypy
 
-# What the tests' processes would otherwise compile at the same time.
-COMPILE := "import crossmodal.joints; from crossmodal.systems.compile_ahead import *; compile_ahead('joints')"
-
 # Processes that each take all cores for small matrices would wait for each other.
 pytest: export OMP_NUM_THREADS = 1
 pytest: export OPENBLAS_NUM_THREADS = 1
 pytest: $(DEVELOPING)
-	$(BIN)/python -c $(COMPILE)
 	$(BIN)/python -m pytest --numprocesses $(JOBS) --dist loadfile $(ARGS)
 
 # Fails where a link leads nowhere.

@@ -15,7 +15,11 @@ from crossmodal.diagrams.crossmodal.estimators import (
 from crossmodal.diagrams.crossmodal.modalities import FEELING, SEEING
 from crossmodal.diagrams.crossmodal.robot_config import ARM
 from crossmodal.diagrams.crossmodal.scenario import Scenario
-from crossmodal.diagrams.crossmodal.station.start_warnings import overlaps, settling
+from crossmodal.diagrams.crossmodal.station.start_warnings import (
+    overlaps,
+    settling,
+    unclaimed_errors,
+)
 from crossmodal.diagrams.crossmodal.station.station import (
     draw_placements,
     make_manipulation_station,
@@ -91,7 +95,7 @@ def make_station(scenario: Scenario, calibration: Calibration) -> Station:
     """The station of a scenario with its seed."""
     station = make_manipulation_station(scenario, calibration)
     falling = settling(scenario, draw_placements(scenario), station.q_start)
-    return replace(station, warnings=[*overlaps(station), *falling])
+    return replace(station, warnings=[*overlaps(station), *falling, *unclaimed_errors(scenario)])
 
 
 def make_estimators(scenario: Scenario, calibration: Calibration) -> dict[str, Diagram]:

@@ -1,4 +1,4 @@
-"""What a user should know of a scene before the hand moves: what overlaps, and what falls."""
+"""What a user should know before the hand moves: what overlaps, what falls, what is not claimed."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -40,6 +40,18 @@ def overlaps(station: ManipulationStation) -> list[str]:
         f"link '{link}' starts {100 * depth:.0f} cm inside '{other}'; place the object elsewhere"
         " (objects.NAME.position)"
         for (link, other), depth in deepest.items()
+    ]
+
+
+def unclaimed_errors(scenario: Scenario) -> list[str]:
+    """Errors of the calibration that no reported covariance contains, a line."""
+    errors, believed = vars(scenario.calibration.errors), vars(scenario.calibration.believed)
+    names = [name for name, std in errors.items() if std > 0.0 and believed[name] == 0.0]
+    if not names:
+        return []
+    return [
+        "calibration.errors are unknown to the robot, so that reported deviations do not contain"
+        f" them: {', '.join(names)}; say how large it takes them to be (calibration.believed)"
     ]
 
 

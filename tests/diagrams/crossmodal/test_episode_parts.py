@@ -5,6 +5,7 @@ from numpy.testing import assert_allclose
 
 from crossmodal.diagrams.applications import load_scenario
 from crossmodal.diagrams.crossmodal.episode_parts import make_calibration
+from crossmodal.diagrams.crossmodal.station.start_warnings import unclaimed_errors
 from crossmodal.diagrams.run.calibration import Calibration
 
 
@@ -40,3 +41,14 @@ def test_how_well_it_is_known_is_what_the_scenario_says_that_is_believed() -> No
     )
     assert_allclose(np.diag(believed.camera.pose_covariance)[3:], 0.02**2)
     assert_allclose(np.diag(believed.arm.covariance)[:3], 0.03**2)
+
+
+def test_errors_that_the_robot_does_not_know_of_are_named() -> None:
+    wrong = "calibration.errors.camera_rotation=0.01"
+    _, scenario = load_scenario("drawer", [wrong, "calibration.errors.latency=0.01"])
+    (line,) = unclaimed_errors(scenario)
+    assert "camera_rotation, latency;" in line
+    known = ["calibration.believed.camera_rotation=0.02"]
+    assert unclaimed_errors(load_scenario("drawer", [wrong, *known])[1]) == []
+    for name in ("drawer", "drawer-miscalibrated", "cupboard-door-miscalibrated"):
+        assert unclaimed_errors(load_scenario(name)[1]) == []

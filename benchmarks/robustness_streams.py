@@ -172,7 +172,7 @@ def _bent(case: Case, poses: Array, axis: Array, rng: np.random.Generator) -> Ar
 
 
 def simulate_case(case: Case, seed: int | tuple[int, int]) -> RobustnessStream:
-    """One stream, the same for the same seed."""
+    """One stream, the same for the same seed, which may be a pair: a seed, and a case's number."""
     rng = np.random.default_rng(seed)
     axis, X0 = _unit(rng), np.eye(4)
     X0[:3, :3] = Rotation.random(random_state=rng).as_matrix()

@@ -68,7 +68,7 @@ class CompilationTime(TimingListener):
         return float(self.duration) if self.done else 0.0
 
 
-# What people are told before.
+# What a command says before it compiles.
 COMPILING = "Compiling the filters' inner loops: a minute more, this first time."
 
 

@@ -104,6 +104,16 @@ def test_cutting_a_wire_removes_its_connections_and_no_other(name: str) -> None:
     assert missing == set(CROSSMODAL_CONNECTIONS[name].connections)
 
 
+def test_every_network_knows_how_well_its_sensors_are_calibrated() -> None:
+    known = "calibration.believed.camera_rotation=0.02", "calibration.believed.arm_rotation=0.03"
+    believed = APPLICATION.make_calibration(drawer(*known))
+    for modality, network in build_estimators(APPLICATION, drawer(*known), believed).items():
+        model = network.GetSubsystemByName("kinematic_model")
+        deviations = [np.sqrt(sensor.covariance[0, 0]) for sensor in (model._camera, model._arm)]
+        sees, feels = modality != "proprioception", modality != "vision"
+        assert deviations == pytest.approx([0.02 * sees, 0.03 * feels])
+
+
 def test_with_every_wire_cut_the_network_still_ticks() -> None:
     names = ", ".join(CROSSMODAL_CONNECTIONS)
     network = built(f"perception.cut=[{names}]", "modalities=[crossmodal]")["crossmodal"]

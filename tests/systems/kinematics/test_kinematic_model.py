@@ -14,6 +14,7 @@ from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem
 from crossmodal.maths import se3
 from crossmodal.maths.consistency import chi_square_bounds
 from crossmodal.maths.gaussian import nees
+from crossmodal.systems.kinematics.calibration_errors import SensorCalibration
 from crossmodal.systems.kinematics.joint_filters import JointFiltersConfig
 from crossmodal.systems.kinematics.joint_graph import merge_bodies
 from crossmodal.systems.kinematics.kinematic_model import KinematicModel, KinematicModelConfig
@@ -58,6 +59,25 @@ def test_a_joint_that_is_not_measured_any_more_is_reported_ever_less_surely() ->
     driver.tick()
     again = driver.joints().joints[0].models[JointType.PRISMATIC]
     assert again.configuration_covariance[0, 0] < 0.1 * variances[-1]
+
+
+@pytest.mark.parametrize(("body_id", "rotation"), [(2, 0.02), (HELD_BODY, 0.03)])
+def test_an_axis_is_known_as_well_as_the_camera_or_else_the_arm(
+    body_id: int, rotation: float
+) -> None:
+    camera, arm = (
+        SensorCalibration(X_WF=np.eye(4), covariance=np.diag(np.repeat([std**2, 0.0], 3)))
+        for std in (0.02, 0.03)
+    )
+    found = []
+    for model in (
+        KinematicModel(KinematicModelConfig()),
+        KinematicModel(KinematicModelConfig(), camera=camera, arm=arm),
+    ):
+        driver = Driver(model)
+        slide(driver, body_id)
+        found.append(driver.joints().joints[0].models[JointType.PRISMATIC].axis_covariance)
+    assert np.trace(found[1] - found[0]) == pytest.approx(2.0 * rotation**2)
 
 
 @pytest.mark.parametrize("joint", [JointType.PRISMATIC, JointType.REVOLUTE])

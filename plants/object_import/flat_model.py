@@ -83,7 +83,16 @@ class FlatNames:
 
 
 def moves(joint: Joint) -> bool:
-    """Whether a joint of this type moves in the copy; others are held."""
+    """Whether a joint moves in the copy; others are held."""
+    return _can_move(joint) and has_travel(joint)
+
+
+def has_travel(joint: Joint) -> bool:
+    """Whether its limits leave it any: models hold bodies by hinges from 0 to 0."""
+    return bool(np.all(joint.position_lower_limits() < joint.position_upper_limits()))
+
+
+def _can_move(joint: Joint) -> bool:
     return isinstance(joint, PrismaticJoint | RevoluteJoint | ScrewJoint)
 
 
@@ -182,7 +191,7 @@ def find_chain(plant: MultibodyPlant, grasped: RigidBody, source: Path, warn: Wa
     world, parents = plant.world_body(), parent_joints(plant, source)
     path = list(joints_above(grasped, parents))
     for joint in path:
-        if joint.num_velocities() and not moves(joint):
+        if joint.num_velocities() and not _can_move(joint):
             raise ValueError(
                 f"{source}: joint '{joint.name()}', which moves link '{grasped.name()}', is a"
                 f" {joint.type_name().split('_')[0]} joint; the grasped link may move on prismatic,"
@@ -262,7 +271,7 @@ class FlatModelWriter:
         """All joints where they start; free bodies where the file puts them."""
         q = self._plant.GetPositions(self._context)
         for joint in map(self._plant.get_joint, self._plant.GetJointIndices()):
-            if moves(joint):
+            if _can_move(joint):
                 q[joint.position_start()] = start_position(joint)
         return np.asarray(q)
 
@@ -411,7 +420,9 @@ class FlatModelWriter:
         name = self._names.joints[int(joint.index())]
         if is_fixed:
             kind = "fixed"
-            if joint.num_velocities():
+            if not has_travel(joint):
+                self._warn(f"joint '{name}' has limits without travel, so it is held fixed")
+            elif joint.num_velocities():
                 self._warn(
                     f"joint '{name}' is a {joint.type_name()} joint and is held fixed;"
                     " prismatic, revolute and screw joints move"

@@ -20,6 +20,7 @@ from crossmodal.plants.object_import.bars import Bar, bar_at, faults_of_bar
 from crossmodal.plants.object_import.flat_model import (
     FlatNames,
     flat_names,
+    has_travel,
     joints_above,
     links,
     moves,
@@ -170,7 +171,7 @@ class _Inspector:
         one = moves(joint)
         return JointFacts(
             name=self._names.joints[int(joint.index())],
-            kind=joint.type_name() if joint.num_velocities() else "fixed",
+            kind=joint.type_name() if joint.num_velocities() and has_travel(joint) else "fixed",
             parent=self._body_name(joint.parent_body()),
             child=self._body_name(joint.child_body()),
             lower=float(joint.position_lower_limits()[0]) if one else 0.0,

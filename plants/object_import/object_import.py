@@ -93,7 +93,6 @@ def import_object(
     finalize(plant, source)
     chain = find_chain(plant, frame.body(), source, warn)
     explored = _find_joint(plant, names, chain, joint, grasp_frame, source, warn)
-    _check_limits(explored, source)
     imported = ImportedObject(
         model=folder / MODEL_FILE,
         joint=names.joints[int(explored.index())],
@@ -233,8 +232,8 @@ def _find_joint(
     moving = {names.joints[int(joint.index())]: joint for joint in chain.joints}
     if not moving:
         raise ValueError(
-            f"{source}: no prismatic or revolute joint moves '{grasp_frame}'; choose a frame on a"
-            " link that moves"
+            f"{source}: no prismatic or revolute joint with travel moves '{grasp_frame}'; choose a"
+            " frame on a link that moves"
         )
     name = wanted or next(iter(moving))
     for own_name, joint in moving.items():
@@ -252,15 +251,6 @@ def _find_joint(
             " axis is that of the start"
         )
     return moving[name]
-
-
-def _check_limits(joint: Joint, source: Path) -> None:
-    lower, upper = joint.position_lower_limits()[0], joint.position_upper_limits()[0]
-    if not lower < upper:
-        raise ValueError(
-            f"{source}: joint '{joint.name()}': its limits {lower:g} to {upper:g} leave no travel;"
-            " change its <limit>"
-        )
 
 
 def _model_pose(plant: MultibodyPlant, grasped: RigidBody, chain: Chain) -> RigidTransform:

@@ -128,7 +128,7 @@ def test_a_fixed_joint_cannot_be_explored(tmp_path: Path) -> None:
         "<joint name='j' type='fixed'><parent>a</parent><child>b</child></joint></model></sdf>"
     )
     path = written(tmp_path, "objects: {thing: {model: stiff.sdf, joint: j, handle_frame: b}}\n")
-    assert "no prismatic or revolute joint moves 'b'" in refusal(path)
+    assert "no prismatic or revolute joint with travel moves 'b'" in refusal(path)
 
 
 TWO_OBJECTS = """

@@ -9,6 +9,7 @@ import pytest
 import trimesh
 from numpy.testing import assert_allclose
 from pydrake.geometry import Mesh
+from pydrake.math import RotationMatrix
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
@@ -221,7 +222,9 @@ def test_names_are_listed_where_one_is_missing_or_unknown(tmp_path: Path) -> Non
         message = refusal(source, tmp_path, frame)
         assert "upper_grip, " in message
         assert "tray" in message
-    assert "no prismatic or revolute joint moves 'case'" in refusal(source, tmp_path, "case")
+    assert "no prismatic or revolute joint with travel moves 'case'" in refusal(
+        source, tmp_path, "case"
+    )
 
 
 def test_infinite_limits_are_none(tmp_path: Path) -> None:
@@ -263,10 +266,25 @@ def test_packages_are_found_by_their_environment_variable(
     assert_allclose(read(imported).GetBodyByName("b").default_mass(), 600 * 0.002)
 
 
+def test_a_joint_without_travel_holds_what_hangs_on_it_fixed(tmp_path: Path) -> None:
+    base = (
+        "<link name='base'/><joint name='w' type='revolute'><parent link='base'/>"
+        "<child link='a'/><axis xyz='0 1 0'/><limit lower='0.5' upper='0.5'/></joint>"
+    )
+    link = f"<link name='b'><collision>{BOX}</collision></link>"
+    path = urdf(tmp_path, base + slider(link))
+    imported = import_object(path, tmp_path / "out", grasp_frame="b")
+    assert imported.joint == "j"
+    plant = read(imported)
+    X_Wb = plant.GetBodyByName("b").EvalPoseInWorld(plant.CreateDefaultContext())
+    assert_allclose(X_Wb.rotation().matrix(), RotationMatrix.MakeYRotation(0.5).matrix())
+    assert any("joint 'w' has limits without travel" in text for text in imported.warnings)
+
+
 @pytest.mark.parametrize(
     ("body", "expected"),
     [
-        (slider("<link name='b'/>", "<limit lower='0' upper='0'/>"), "leave no travel"),
+        (slider("<link name='b'/>", "<limit lower='0' upper='0'/>"), "joint with travel"),
         (slider("<link name='b'/>").replace("prismatic", "fixed"), "no prismatic or revolute"),
         (slider("<link name='c'/>"), "cannot be parsed"),
         (slider("<link name='b'><visual><geometry><mesh filename='http://x/m.stl'/></geometry>"

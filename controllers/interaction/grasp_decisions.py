@@ -52,6 +52,7 @@ class Perceived:
         time: [s]
         X_WE: The end-effector's measured pose (4, 4).
         pressure: Measured in the chambers (chambers,), [Pa]; NaN where it is not known.
+        pull: Force with which the arm pulls, [N]; NaN where it is not known.
         joint: (8,) the body's unit screw S_W, q and its rate; NaN until a joint is perceived, the
             rate whenever it is only remembered.
         hand_rate: Displacement of the hand per unit of q, [m per m or rad]; NaN until a joint is
@@ -63,6 +64,7 @@ class Perceived:
     time: float
     X_WE: Array
     pressure: Array
+    pull: float
     joint: Array
     hand_rate: float
     failure: float
@@ -109,8 +111,13 @@ def is_doubtful(state: SequenceState, now: Perceived, config: GraspSequenceConfi
 
 
 def is_empty(state: SequenceState, now: Perceived, config: GraspSequenceConfig) -> bool:
-    """Whether every finger has curled further than it could around the handle."""
-    return bool(np.all(now.pressure < config.empty_pressure * state.pressure_held))
+    """Whether every finger has curled further than around the handle and the pull meets nothing.
+
+    Around a thin bar, on which the hand shifts as it pulls, the fingers curl further and further,
+    too, but then the arm has to pull.
+    """
+    curled = np.all(now.pressure < config.empty_pressure * state.pressure_held)
+    return bool(curled) and not now.pull > config.empty_pull
 
 
 def next_state(

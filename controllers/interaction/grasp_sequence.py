@@ -3,9 +3,10 @@
 from collections.abc import Callable
 
 import numpy as np
+from pydrake.common.value import Value
 from pydrake.systems.framework import Context
 
-from crossmodal.controllers.arm.impedance import DesiredMotion, ImpedanceGains
+from crossmodal.controllers.arm.impedance import NO_MOTION, DesiredMotion, ImpedanceGains
 from crossmodal.controllers.arm.kinematics import ArmModel
 from crossmodal.controllers.arm.minimum_jerk import minimum_jerk
 from crossmodal.controllers.arm.sequence import Sequence, read
@@ -93,6 +94,7 @@ class GraspSequence(Sequence):
     - `grasp_failure_latest`: (1,) probability that the hand has lost the body, NaN if unknown.
     - `plan_time_left`: (1,) of `TrajectoryGenerator`, [s].
     - `pull_direction`: (3,) unit vector in E, along which the gains are stiff while exploring.
+    - `motion_commanded`: `DesiredMotion` of the `MotionSwitch`, which tells how hard the arm pulls.
 
     Output ports:
     - `phase`: (1,) `Phase`.
@@ -100,7 +102,7 @@ class GraspSequence(Sequence):
       feel.
     - `grasp_lost`: (1,) one from the instant a grasp is given up to the next one.
     - `stuck`: (1,) one once nothing has moved although the hand held on.
-    - `in_free_space`: (1,) one while nothing can touch the hand.
+    - `in_free_space`: (1,) one while the hand approaches and nothing can touch it yet.
     - `motion_desired`: `DesiredMotion` of release and approach, then the grasp pose held.
     - `gains_desired`: `ImpedanceGains`.
     - `pressure_commanded`: (chambers,) gauge pressure, [Pa].
@@ -141,6 +143,9 @@ class GraspSequence(Sequence):
         self._failure = self.DeclareVectorInputPort("grasp_failure_latest", 1)
         self._time_left = self.DeclareVectorInputPort("plan_time_left", 1)
         self._direction = self.DeclareVectorInputPort("pull_direction", 3)
+        self._commanded = self.DeclareAbstractInputPort(
+            "motion_commanded", Value[object](NO_MOTION)
+        )
         first = SequenceState(
             phase=Phase.APPROACH,
             since=0.0,
@@ -165,7 +170,7 @@ class GraspSequence(Sequence):
         output("sealed", lambda state: is_held(state.phase))
         output("grasp_lost", lambda state: state.lost)
         output("stuck", lambda state: state.stuck)
-        output("in_free_space", lambda state: state.phase == Phase.APPROACH)
+        self._declare_vector("in_free_space", 1, self._calc_in_free_space)
         self._declare_vector("pressure_commanded", chambers, self._calc_pressure)
         self._declare_vector("closure_commanded", 1, self._calc_closure)
         still = approach_motion(X_WE_grasp, self._back, 0.0, 1.0)
@@ -185,6 +190,13 @@ class GraspSequence(Sequence):
         closing = min(self._elapsed(context) / (0.5 * self._config.close_time), 1.0)
         return closing if phase == Phase.CLOSE else float(phase > Phase.CLOSE)
 
+    def _calc_in_free_space(self, context: Context) -> float:
+        config = self._config
+        if self._state(context).phase != Phase.APPROACH:
+            return 0.0
+        blend, *_ = minimum_jerk(min(self._elapsed(context) / config.approach_time, 1.0))
+        return float(config.touch_distance <= (1.0 - blend) * config.approach_distance)
+
     def _calc_motion(self, context: Context) -> DesiredMotion:
         config, state = self._config, self._state(context)
         time, X_WE_grasp = config.approach_time, tried_pose(state, config)
@@ -202,6 +214,16 @@ class GraspSequence(Sequence):
             return exploration_gains(self._config, direction, phase == Phase.STOP)
         return self._stiff
 
+    def _pull(self, context: Context, X_WE: Array) -> float:
+        """The force of the spring along the pull, [N]; NaN where no motion is commanded."""
+        if not (self._commanded.HasValue(context) and self._direction.HasValue(context)):
+            return np.nan
+        commanded: DesiredMotion = self._commanded.Eval(context)
+        if not commanded.exists:
+            return np.nan
+        error = se3.log(se3.inverse(X_WE) @ commanded.X_WE)[3:]
+        return float(self._config.pull_stiffness * error @ self._direction.Eval(context))
+
     def _next(self, context: Context) -> SequenceState:
         X_WE = self._arm_state(context).X_WE
         screw_E = se3.adjoint(se3.inverse(X_WE)) @ read(self._screw, context, np.nan)
@@ -209,6 +231,7 @@ class GraspSequence(Sequence):
             time=context.get_time(),
             X_WE=X_WE,
             pressure=read(self._pressure, context, np.nan),
+            pull=self._pull(context, X_WE),
             joint=read(self._joint, context, np.nan),
             hand_rate=float(np.linalg.norm(screw_E[3:])),
             failure=float(read(self._failure, context, np.nan)[0]),

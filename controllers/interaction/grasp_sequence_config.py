@@ -10,6 +10,8 @@ class GraspSequenceConfig:
     period: float = number(0.01, at_least=1e-4, at_most=1.0, unit="s")  # Update period.
     # Length of the straight approach along z of E.
     approach_distance: float = number(0.10, at_least=0.0, at_most=10.0, unit="m")
+    # Length of the approach's end on which the open fingers may touch the object.
+    touch_distance: float = number(0.0, at_least=0.0, at_most=10.0, unit="m")
     # Duration of the approach.
     approach_time: float = number(2.0, at_least=1e-3, at_most=3600.0, unit="s")
     # Time for the hand to close.
@@ -53,6 +55,8 @@ class GraspSequenceConfig:
     # chamber has fallen to this share of what it was around the handle. Around a bar it stays above
     # 0.88; a hand that curls past an edge and pushes it falls to 0.7, as an empty one does.
     empty_pressure: float = number(0.8, above=0.0, below=1.0)
+    # Most force with which an arm pulls an empty hand.
+    empty_pull: float = number(3.0, above=0.0, at_most=1e4, unit="N")
     # Number of times that a lost grasp is tried again.
     retries: int = number(2, at_least=0, at_most=100)
     # Largest distance to the handle for another try.

@@ -27,6 +27,7 @@ from crossmodal.plants.scene import has_model
 # tries again in other ways.
 _ANOTHER_TRY = {
     "control.sequence.other_grasps": True,
+    "control.sequence.touch_distance": 0.06,
     "control.sequence.stuck_time": 5.0,
     "control.exploration.lead": 0.04,
     "control.pull_direction.turn_with_hand": False,

@@ -142,6 +142,7 @@ def add_control(
             (generator, "motion_desired", switch, "return_motion_desired"),
             (generator, "gains_desired", switch, "return_gains_desired"),
             (switch, "motion_commanded", impedance, "motion_desired"),
+            (switch, "motion_commanded", sequence, "motion_commanded"),
             (switch, "gains_commanded", impedance, "gains_desired"),
             (sequence, "in_free_space", impedance, "tare"),
             (pull, "pull_direction", sequence, "pull_direction"),

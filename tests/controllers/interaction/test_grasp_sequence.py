@@ -46,6 +46,7 @@ def perceived(time: float, q: float | None, **others: object) -> Perceived:
         time=time,
         X_WE=moved(q or 0.0),
         pressure=HELD,
+        pull=np.nan,
         joint=joint,
         hand_rate=1.0,
         failure=0.0,
@@ -159,6 +160,12 @@ def test_an_empty_hand_has_lost_its_grasp_whatever_is_perceived() -> None:
     for pressure in (one_finger_off, np.full(4, np.nan)):
         state = step(exploring(), perceived(1.0, 0.1, pressure=pressure), Goal())
         assert state.phase == Phase.EXPLORE
+
+
+def test_a_hand_whose_fingers_curl_while_the_arm_has_to_pull_is_not_empty() -> None:
+    for pull, phase in ((8.0, Phase.EXPLORE), (0.5, Phase.STOP), (np.nan, Phase.STOP)):
+        now = perceived(1.0, None, pressure=0.5 * HELD, pull=pull)
+        assert step(exploring(), now, Goal()).phase == phase
 
 
 def test_the_pressure_of_the_grasp_is_that_at_which_the_hand_has_closed() -> None:

@@ -77,13 +77,16 @@ def test_impossible_values_are_refused_by_name(field: str, value: object) -> Non
         GraspSequence(config, arm_model(), np.eye(4), np.eye(4))
 
 
-def test_only_the_approach_is_in_free_space() -> None:
-    config = GraspSequenceConfig(approach_time=0.1, close_time=0.1)
+@pytest.mark.parametrize(("touch", "expected"), [(0.0, [1, 1, 0, 0]), (0.06, [1, 0, 0, 0])])
+def test_the_approach_is_in_free_space_until_the_fingers_may_touch(
+    touch: float, expected: list[float]
+) -> None:
+    config = GraspSequenceConfig(approach_time=0.1, close_time=0.1, touch_distance=touch)
     sequence = GraspSequence(config, arm_model(), np.eye(4), np.eye(4))
     simulator = Simulator(sequence)
     sequence.GetInputPort("joint_state_measured").FixValue(simulator.get_mutable_context(), STILL)
     flags = []
-    for time in (0.05, 0.15, 0.25):
+    for time in (0.03, 0.08, 0.15, 0.25):
         simulator.AdvanceTo(time)
         flags.append(sequence.GetOutputPort("in_free_space").Eval(simulator.get_context())[0])
-    assert flags == [1.0, 0.0, 0.0]
+    assert flags == expected

@@ -98,3 +98,14 @@ def test_depth_edges_and_holes_are_no_place_for_a_feature() -> None:
     assert mask[50, 500] == 255
     for v, u in ((50, 302), (102, 108), (207, 98)):
         assert mask[v, u] == 0
+
+
+@pytest.mark.parametrize("slope", [0.02, 0.1, 0.3, 1.0, 3.0])
+def test_the_steps_of_a_slanted_edge_are_no_corners(slope: float) -> None:
+    rng = np.random.default_rng(5)
+    v, u = np.mgrid[0:480, 0:640]
+    grey = np.where(v - 240 > slope * (u - 320), 60.0, 160.0)  # Each pixel is one or the other.
+    image, noise = feature_detection.smooth_grey(rgba(grey + rng.normal(0, 2.0, grey.shape)))
+    inside = EVERYWHERE.copy()
+    inside[:11], inside[-11:], inside[:, :11], inside[:, -11:] = 0, 0, 0, 0
+    assert len(find(image, noise, allowed=inside)) == 0

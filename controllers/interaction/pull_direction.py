@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
 from crossmodal.controllers.arm.kinematics import ArmModel
 from crossmodal.controllers.interaction.phases import Phase
@@ -15,6 +15,9 @@ from crossmodal.maths.validation import check, number
 @dataclass(kw_only=True)
 class PullDirectionConfig:
     period: float = number(0.01, at_least=1e-4, at_most=1.0, unit="s")  # Update period.
+    # Whether the pull turns with the hand. If not, it keeps its direction in the world, so that a
+    # hand which turns on a bar is drawn straight behind it again, as a trailer is.
+    turn_with_hand: bool = True
     follow_joint: bool = False  # Whether to pull along the perceived joint, not as taught.
     # Displacement of the hand by the joint before the joint is followed.
     start: float = number(0.03, above=0.0, at_most=10.0, unit="m")
@@ -25,21 +28,21 @@ class PullDirectionConfig:
 
 
 class PullDirection(LeafSystem):
-    """Turns the pull, which is fixed in the hand, to where the perceived joint lets the hand go.
+    """Says where to pull: as taught, in the hand or in the world, then as the perceived joint goes.
 
-    A hand that turns on its handle takes its direction of pulling along and soon pulls across the
-    joint: it shifts the handle in the fingers and drags the object along.
+    A hand that turns on its handle takes along a pull that is fixed in it, and soon pulls across
+    the joint: it shifts the handle in the fingers, falls over the bar and drags the object along.
 
     Input ports:
     - `joint_state_measured`: (2 n,) positions [rad] and velocities [rad/s].
     - `joint_remembered`, `end_effector_screw_remembered`: of `JointMemory`; NaN while none is
       known.
-    - `phase`: (1,) `Phase`; the direction turns while it is EXPLORE, and is as taught before.
+    - `phase`: (1,) `Phase`; the direction is as taught before EXPLORE, and stays in the hand after.
 
     Output ports:
     - `pull_direction`: (3,) unit vector in E.
 
-    State: the direction.
+    State: (2, 3) the direction in E and in the world, this NaN at first.
 
     Args:
         config: Whether and how fast to follow.
@@ -60,27 +63,42 @@ class PullDirection(LeafSystem):
         self._screw = self.DeclareVectorInputPort("end_effector_screw_remembered", 6)
         self._phase = self.DeclareVectorInputPort("phase", 1)
         self._taught = direction_E / np.linalg.norm(direction_E)
-        state = self.DeclareDiscreteState(self._taught)
-        self.DeclareStateOutputPort("pull_direction", state)
-        if config.follow_joint:
+        state = self.DeclareDiscreteState(np.r_[self._taught, np.full(3, np.nan)])
+        self.DeclareVectorOutputPort(
+            "pull_direction", 3, self._calc_direction, {self.discrete_state_ticket(state)}
+        )
+        if config.follow_joint or not config.turn_with_hand:
             self.DeclarePeriodicDiscreteUpdateEvent(config.period, 0.0, self._update)
+
+    def _calc_direction(self, context: Context, output: BasicVector) -> None:
+        output.SetFromVector(context.get_discrete_state_vector().value()[:3])
 
     def _update(self, context: Context, next_state: DiscreteValues) -> None:
         phase = self._phase.Eval(context)[0]
-        if phase < Phase.EXPLORE:
-            next_state.get_mutable_vector().SetFromVector(self._taught)
-        if phase != Phase.EXPLORE:
+        if phase > Phase.EXPLORE:
             return
-        config = self._config
         X_WE = self._arm.Evaluate(np.asarray(self._joint_state.Eval(context))).X_WE
+        direction, direction_W = context.get_discrete_state_vector().value().reshape(2, 3)
+        if phase < Phase.EXPLORE:
+            direction = self._taught
+        elif not (self._config.turn_with_hand or np.isnan(direction_W[0])):
+            direction = X_WE[:3, :3].T @ direction_W
+        if phase == Phase.EXPLORE and self._config.follow_joint:
+            direction = self._turned_to_joint(context, X_WE, direction)
+        next_state.get_mutable_vector().SetFromVector(
+            np.concatenate([direction, X_WE[:3, :3] @ direction])
+        )
+
+    def _turned_to_joint(self, context: Context, X_WE: Array, direction: Array) -> Array:
+        """The direction (3,) in E, a step nearer to where the joint lets the hand go."""
+        config = self._config
         tangent = (se3.adjoint(se3.inverse(X_WE)) @ np.asarray(self._screw.Eval(context)))[3:]
         rate = float(np.linalg.norm(tangent))
         if not rate * abs(float(self._joint.Eval(context)[6])) > config.start:
-            return
-        direction = np.asarray(context.get_discrete_state_vector().value())
+            return direction
         along = float(tangent @ direction) / rate
         if abs(along) < np.cos(np.deg2rad(config.limit)):
-            return
+            return direction
         share = 1.0 - np.exp(-config.period / config.time)
         direction = direction + share * (np.sign(along) * tangent / rate - direction)
-        next_state.get_mutable_vector().SetFromVector(direction / np.linalg.norm(direction))
+        return np.asarray(direction / np.linalg.norm(direction))

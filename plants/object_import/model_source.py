@@ -31,6 +31,7 @@ from crossmodal.plants.object_import.model_files import (
     is_image,
 )
 from crossmodal.plants.object_import.scaling import LENGTHS, scale_lengths
+from crossmodal.plants.object_import.sides import with_sides_apart
 from crossmodal.plants.object_import.text import decoded
 
 _MODEL_TYPES = {"robot": "URDF", "sdf": "SDF"}
@@ -443,7 +444,8 @@ class Repair:
             stem = re.sub(r"\W", "_", path.stem)
             stem += f"_{len(self._written)}_{'visual' if is_visual else 'contact'}"
             files = self._written[key] = []
-            for number, surface in enumerate(surfaces if is_visual else [merged(surfaces)]):
+            surfaces = with_sides_apart(surfaces) if is_visual else [merged(surfaces)]
+            for number, surface in enumerate(surfaces):
                 files.append(self._folder / f"{stem}_{number}.obj")
                 (write_obj if is_visual else write_contact_obj)(surface, files[-1])
         return self._written[key]

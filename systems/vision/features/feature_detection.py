@@ -13,9 +13,9 @@ _BLUR = np.outer(*[cv2.getGaussianKernel(5, 1.0)[:, 0]] * 2)
 _BLOCK = 5  # Width of the window that a structure tensor is averaged over, [px].
 _NOISE_WINDOW = 9  # Of what a blurred image's structure tensor depends on, [px].
 _LEVEL_WIDTH = 16  # Of a class of grey levels that have the same noise.
-# Least ratio of a structure tensor's eigenvalues: pixels break a slanted edge into steps, which look
-# like corners and run along the edge when it moves. The ratio is that of D. Lowe, Distinctive Image
-# Features from Scale-Invariant Keypoints, 2004, section 4.1.
+# Least ratio of a structure tensor's eigenvalues: pixels break a slanted edge into steps, which
+# look like corners and run along the edge when it moves. The ratio is that of D. Lowe, Distinctive
+# Image Features from Scale-Invariant Keypoints, 2004, section 4.1.
 _EDGE_RATIO = 0.1
 
 

@@ -51,6 +51,28 @@ def test_the_pull_turns_within_its_time() -> None:
     assert_allclose(np.arctan2(y, -z) / angle, 1.0 - np.exp(-1.0), atol=0.05)
 
 
+@pytest.mark.parametrize("turns", [True, False])
+def test_the_pull_keeps_its_direction_in_the_hand_or_in_the_world(turns: bool) -> None:
+    config = PullDirectionConfig(turn_with_hand=turns)
+    system = PullDirection(config, arm_model(), BACK)
+    simulator = Simulator(system)
+    context = simulator.get_mutable_context()
+    system.GetInputPort("joint_remembered").FixValue(context, np.full(8, np.nan))
+    system.GetInputPort("end_effector_screw_remembered").FixValue(context, np.full(6, np.nan))
+    pulls_W = []
+    turned = Q + np.array([0.1, -0.2, 0.3, 0.2, -0.1, 0.4, 0.5])
+    for q, phase in ((Q, Phase.CLOSE), (turned, Phase.EXPLORE)):
+        state = np.concatenate([q, np.zeros(7)])
+        system.GetInputPort("joint_state_measured").FixValue(context, state)
+        system.GetInputPort("phase").FixValue(context, [float(phase)])
+        simulator.AdvanceTo(context.get_time() + 0.1)
+        pull_E = system.GetOutputPort("pull_direction").Eval(context)
+        pulls_W.append(arm_model().Evaluate(state).X_WE[:3, :3] @ pull_E)
+    before, after = pulls_W
+    assert_allclose(pull_E if turns else after, BACK if turns else before, atol=1e-12)
+    assert np.allclose(before, after) != turns
+
+
 def test_impossible_values_are_refused_by_name() -> None:
     for field, value in (("limit", 120.0), ("start", np.nan), ("time", 0.0)):
         with pytest.raises(ValueError, match=f"PullDirection: {field} = "):

@@ -36,6 +36,7 @@ class GraspRange:
         beside: Least distance from a board's middle to what is beside it, for open fingers, [m].
         tilt: Largest angle from the frame's y to the bar, [rad].
         reach: Largest distance from the frame to the bar, [m].
+        gives: How far the hand moves while what it holds stays where it is, [m].
     """
 
     least_thickness: float
@@ -49,6 +50,7 @@ class GraspRange:
     beside: float
     tilt: float
     reach: float
+    gives: float
 
 
 # Measured on the simulated hand, closed as in a run around something that is then drawn out of it:
@@ -66,6 +68,7 @@ SOFT_HAND_RANGE = GraspRange(
     beside=0.055,
     tilt=0.44,
     reach=0.03,
+    gives=0.03,
 )
 
 

@@ -31,12 +31,14 @@ class Going:
     Attributes:
         way: Unit vector (3,) in which it can go; 0 for nowhere.
         rate: How fast it goes as the joint does, [m per m or rad].
+        travel: How far it goes from the joint's 0 to its farther limit, along its path, [m].
         axis: Unit vector (3,) about which it turns; 0 for one that does not.
         both: Whether it can also go against `way`.
     """
 
     way: Array
     rate: float
+    travel: float
     axis: Array
     both: bool
 

@@ -197,6 +197,7 @@ class _Inspector:
         return Going(
             way=way / (rate if upper >= -lower else -rate) if rate else np.zeros(3),
             rate=rate,
+            travel=rate * max(-lower, upper) if rate else 0.0,
             axis=turn / np.linalg.norm(turn) if np.any(turn) else turn,
             both=bool(-lower == upper),
         )
@@ -231,8 +232,8 @@ class _Inspector:
                 X_WH = RigidTransform(X)
                 X_BH = X_WB.inverse() @ X_WH
                 handle = self._handle(body, X_BH, "", length)
-                if handle is not None and length < SHORTEST and not way(X[:3, 3]).rate:
-                    handle.faults.append("it turns in place")
+                if handle is not None:
+                    handle.faults += self._faults_of_way(way(X[:3, 3]), length)
                 if handle is None or _near(X_WH.translation(), places, length):
                     continue
                 if handle.faults:
@@ -247,6 +248,14 @@ class _Inspector:
                 places.append(p_WH)
                 found.append(handle)
         return found
+
+    def _faults_of_way(self, way: Going, length: float) -> list[str]:
+        if not way.rate:
+            return ["it turns in place"] if length < SHORTEST else []
+        if way.travel > self._can.gives:
+            return []
+        far = f"{1e3 * way.travel:.0f} mm, the hand itself gives {1e3 * self._can.gives:.0f} mm"
+        return [f"it goes {far}"]
 
     def _edges(self, whole: trimesh.Trimesh, handles: list[Handle]) -> list[Handle]:
         """Free edges of boards that the hand can hold, one for each joint that moves no handle."""
@@ -264,9 +273,10 @@ class _Inspector:
                 handle = self._handle(
                     body, X_WB.inverse() @ RigidTransform(X), "", length, edge=True
                 )
-                if handle is not None and not handle.faults:
-                    found[name] = handle
-                    break
+                if handle is None or handle.faults or self._faults_of_way(way(X[:3, 3]), length):
+                    continue
+                found[name] = handle
+                break
         return list(found.values())
 
     def _handle(

@@ -120,3 +120,18 @@ def test_the_handle_of_a_screw_is_found() -> None:
 def test_a_model_that_is_none_is_refused_in_one_line(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="no such file"):
         inspect_model(tmp_path / "none.sdf")
+
+
+@pytest.mark.parametrize(("travel", "faults"), [(0.4, 0), (0.012, 1)])
+def test_a_button_is_no_handle(travel: float, faults: int, tmp_path: Path) -> None:
+    path = tmp_path / "button.urdf"
+    box = "<visual><origin xyz='{} 0 0'/><geometry><box size='{}'/></geometry></visual>"
+    path.write_text(
+        f"<robot name='m'><link name='body'>{box.format(-0.2, '0.2 0.5 0.5')}</link>"
+        f"<link name='bar'>{box.format(0, '0.02 0.2 0.02')}</link>"
+        "<joint name='j' type='prismatic'><parent link='body'/><child link='bar'/>"
+        f"<axis xyz='1 0 0'/><limit lower='0' upper='{travel}'/></joint></robot>"
+    )
+    (handle,) = inspect_model(path).handles
+    assert len(handle.faults) == faults
+    assert all("it goes 12 mm" in fault for fault in handle.faults)

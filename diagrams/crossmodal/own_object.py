@@ -24,10 +24,9 @@ from crossmodal.plants.scene import has_model
 
 # What a hand does with a handle that nobody has tried before: it pulls with 16 N at most, which is
 # about what it holds, to where the handle goes and not to where the hand has turned on it, and
-# tries again in other ways. Its fingers may touch the object on the last 6 cm of the approach.
+# tries again in other ways.
 _ANOTHER_TRY = {
     "control.sequence.other_grasps": True,
-    "control.sequence.touch_distance": 0.06,
     "control.sequence.stuck_time": 5.0,
     "control.exploration.lead": 0.04,
     "control.pull_direction.turn_with_hand": False,

@@ -43,7 +43,12 @@ from pydrake.multibody.tree import (
 from pydrake.systems.framework import Context
 
 from crossmodal.maths.arrays import Array
-from crossmodal.plants.object_import.meshes import Warn, encloses_volume, write_png
+from crossmodal.plants.object_import.meshes import (
+    Warn,
+    encloses_volume,
+    opacity_in,
+    write_png,
+)
 from crossmodal.plants.object_import.model_source import ModelSource
 from crossmodal.plants.screw_axis import screw_axis
 
@@ -266,6 +271,7 @@ class FlatModelWriter:
         plant.SetPositions(self._context, self._start_positions())
         self._X_WM, self._folder, self._warn = X_WM, folder, warn
         self._textures: dict[str, str] = {}
+        self._translucent = list[str]()
 
     def _start_positions(self) -> Array:
         """All joints where they start; free bodies where the file puts them."""
@@ -293,6 +299,11 @@ class FlatModelWriter:
             if int(joint.child_body().index()) in chosen
             and int(joint.parent_body().index()) in above
         ]
+        if self._translucent:
+            self._warn(
+                "translucent, so that colour is of what is behind and depth is not, and vision may"
+                f" claim what is wrong: {', '.join(self._translucent)}"
+            )
         leaders = {joint.name(): joint for joint in joints}
         for joint in joints:
             self._add_joint(model, joint, leaders)
@@ -352,17 +363,26 @@ class FlatModelWriter:
         _add_pose(element, self._inspector.GetPoseInFrame(geometry))
         shape = self._inspector.GetShape(geometry)
         self._add_shape(element, shape)
-        if isinstance(shape, Mesh) and Path(shape.source().path()).with_suffix(".mtl").exists():
-            return  # The mesh has its own look.
+        if isinstance(shape, Mesh):
+            look = Path(shape.source().path()).with_suffix(".mtl")
+            if look.exists():  # The mesh has its own look.
+                self._note_glass(link, opacity_in(look))
+                return
         properties = self._inspector.GetPerceptionProperties(geometry)
         if properties is None:
             properties = self._inspector.GetIllustrationProperties(geometry)
         color = properties.GetPropertyOrDefault("phong", "diffuse", Rgba(0.6, 0.6, 0.6, 1.0))
         texture = properties.GetPropertyOrDefault("phong", "diffuse_map", "")
+        self._note_glass(link, 1.0 if texture else color.a())
         material = SubElement(element, "material")
         SubElement(material, "diffuse").text = _text([1.0] * 4 if texture else list(color.rgba))
         if texture:
             SubElement(material, f"{_DRAKE}diffuse_map").text = self._copied(texture)
+
+    def _note_glass(self, link: Element, opacity: float) -> None:
+        name = link.get("name", "")
+        if opacity < 1.0 and name not in self._translucent:
+            self._translucent.append(name)
 
     def _copied(self, texture: str) -> str:
         """Name of a texture's copy relative to the model."""

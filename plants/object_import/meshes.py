@@ -235,6 +235,12 @@ def _write_mtl(surface: Surface, path: Path) -> None:
     path.with_suffix(".mtl").write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
+def opacity_in(path: Path) -> float:
+    """Of the surface in an MTL file that `write_obj` has written, in [0, 1]."""
+    rows = [line.split() for line in path.read_text(encoding="utf-8").splitlines()]
+    return next((float(row[1]) for row in rows if row[0] == "d"), 1.0)
+
+
 def _write_picture(image: Image.Image, folder: Path) -> str:
     """Name of a picture's file, which surfaces with the same picture share."""
     plain = image.convert("RGB")

@@ -320,7 +320,8 @@ def test_a_picture_that_is_missing_or_placed_in_another_way_is_said(tmp_path: Pa
 def test_glass_stays_glass(lines: str, color: list[float], alpha: float, tmp_path: Path) -> None:
     written(tmp_path, front_obj("mtllib front.mtl"), "front.obj")
     written(tmp_path, f"newmtl skin\n{lines}\n", "front.mtl")
-    _, _, folder = copied(tmp_path, sideboard(shapes(mesh("front.obj"))))
+    _, warnings, folder = copied(tmp_path, sideboard(shapes(mesh("front.obj"))))
+    assert any("translucent" in line for line in warnings) == (alpha < 1.0)
     (library,) = folder.rglob("*.mtl")
     values = dict(line.split(" ", 1) for line in library.read_text().splitlines())
     assert float(values["d"]) == alpha

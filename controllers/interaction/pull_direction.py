@@ -1,6 +1,7 @@
-"""The direction in which exploration pulls: as taught, then along the joint as it is perceived."""
+"""The direction in which exploration pulls: as taught, along the perceived joint, or as it goes."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
@@ -15,11 +16,10 @@ from crossmodal.maths.validation import check, number
 @dataclass(kw_only=True)
 class PullDirectionConfig:
     period: float = number(0.01, at_least=1e-4, at_most=1.0, unit="s")  # Update period.
-    # Whether the pull turns with the hand. If not, it keeps its direction in the world, so that a
-    # hand which turns on a bar is drawn straight behind it again, as a trailer is.
-    turn_with_hand: bool = True
-    follow_joint: bool = False  # Whether to pull along the perceived joint, not as taught.
-    # Displacement of the hand by the joint before the joint is followed.
+    # What the pull keeps to: the hand, in which it is fixed; the perceived joint, from the hand's
+    # direction on; or the path that the handle has taken, from the world's direction on.
+    along: Literal["hand", "joint", "path"] = "hand"
+    # Displacement of the hand by the joint before it is followed; length of the path that counts.
     start: float = number(0.03, above=0.0, at_most=10.0, unit="m")
     # Time constant with which the pull turns to the joint's direction.
     time: float = number(0.2, at_least=1e-3, at_most=3600.0, unit="s")
@@ -28,10 +28,12 @@ class PullDirectionConfig:
 
 
 class PullDirection(LeafSystem):
-    """Says where to pull: as taught, in the hand or in the world, then as the perceived joint goes.
+    """Says where to pull: as taught, then along the hand, the perceived joint or the path.
 
     A hand that turns on its handle takes along a pull that is fixed in it, and soon pulls across
     the joint: it shifts the handle in the fingers, falls over the bar and drags the object along.
+    The path needs no perception: the handle, which E holds, goes on as it has gone, and the pull is
+    the direction of a string of length `start` that it draws behind it.
 
     Input ports:
     - `joint_state_measured`: (2 n,) positions [rad] and velocities [rad/s].
@@ -42,15 +44,18 @@ class PullDirection(LeafSystem):
     Output ports:
     - `pull_direction`: (3,) unit vector in E.
 
-    State: (2, 3) the direction in E and in the world, this NaN at first.
+    State: (3, 3) the direction in E and in the world, and the string's end p_W; both NaN at first.
 
     Args:
-        config: Whether and how fast to follow.
+        config: What to follow, and how fast.
         arm: The robot's own model.
         direction_E: Taught (3,), in E.
 
     Raises:
         ValueError: for impossible values.
+
+    Source: G. Niemeyer and J.-J. Slotine, A Simple Strategy for Opening an Unknown Door, ICRA 1997
+    (to follow the path that the hand is led on).
     """
 
     def __init__(self, config: PullDirectionConfig, arm: ArmModel, direction_E: Array) -> None:
@@ -63,11 +68,11 @@ class PullDirection(LeafSystem):
         self._screw = self.DeclareVectorInputPort("end_effector_screw_remembered", 6)
         self._phase = self.DeclareVectorInputPort("phase", 1)
         self._taught = direction_E / np.linalg.norm(direction_E)
-        state = self.DeclareDiscreteState(np.r_[self._taught, np.full(3, np.nan)])
+        state = self.DeclareDiscreteState(np.r_[self._taught, np.full(6, np.nan)])
         self.DeclareVectorOutputPort(
             "pull_direction", 3, self._calc_direction, {self.discrete_state_ticket(state)}
         )
-        if config.follow_joint or not config.turn_with_hand:
+        if config.along != "hand":
             self.DeclarePeriodicDiscreteUpdateEvent(config.period, 0.0, self._update)
 
     def _calc_direction(self, context: Context, output: BasicVector) -> None:
@@ -78,16 +83,19 @@ class PullDirection(LeafSystem):
         if phase > Phase.EXPLORE:
             return
         X_WE = self._arm.Evaluate(np.asarray(self._joint_state.Eval(context))).X_WE
-        direction, direction_W = context.get_discrete_state_vector().value().reshape(2, 3)
-        if phase < Phase.EXPLORE:
-            direction = self._taught
-        elif not (self._config.turn_with_hand or np.isnan(direction_W[0])):
-            direction = X_WE[:3, :3].T @ direction_W
-        if phase == Phase.EXPLORE and self._config.follow_joint:
+        R_WE, p_WE = X_WE[:3, :3], X_WE[:3, 3]
+        direction, direction_W, p_WEnd = context.get_discrete_state_vector().value().reshape(3, 3)
+        if phase < Phase.EXPLORE or np.isnan(direction_W[0]):
+            direction, direction_W, p_WEnd = self._taught, R_WE @ self._taught, p_WE
+        if phase == Phase.EXPLORE and self._config.along == "joint":
             direction = self._turned_to_joint(context, X_WE, direction)
-        next_state.get_mutable_vector().SetFromVector(
-            np.concatenate([direction, X_WE[:3, :3] @ direction])
-        )
+        if phase == Phase.EXPLORE and self._config.along == "path":
+            string = p_WE - p_WEnd
+            if np.linalg.norm(string) > self._config.start:
+                direction_W = string / np.linalg.norm(string)
+                p_WEnd = p_WE - self._config.start * direction_W
+            direction = R_WE.T @ direction_W
+        next_state.get_mutable_vector().SetFromVector(np.r_[direction, direction_W, p_WEnd])
 
     def _turned_to_joint(self, context: Context, X_WE: Array, direction: Array) -> Array:
         """The direction (3,) in E, a step nearer to where the joint lets the hand go."""

@@ -23,14 +23,12 @@ from crossmodal.plants.object_import import MODEL_FILE
 from crossmodal.plants.scene import has_model
 
 # What a hand does with a handle that nobody has tried before: it pulls with 16 N at most, which is
-# about what it holds, to where the handle goes and not to where the hand has turned on it, and
-# tries again in other ways.
+# about what it holds, goes on as the handle has gone, and tries again in other ways.
 _ANOTHER_TRY = {
     "control.sequence.other_grasps": True,
     "control.sequence.stuck_time": 5.0,
     "control.exploration.lead": 0.04,
-    "control.pull_direction.turn_with_hand": False,
-    "control.pull_direction.follow_joint": True,
+    "control.pull_direction.along": "path",
 }
 MODEL_FOLDER = "model"  # Of a run, for the copies of imported models.
 

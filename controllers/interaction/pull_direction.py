@@ -1,7 +1,6 @@
 """The direction in which exploration pulls: as taught, along the perceived joint, or as it goes."""
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
@@ -10,7 +9,7 @@ from crossmodal.controllers.arm.kinematics import ArmModel
 from crossmodal.controllers.interaction.phases import Phase
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
-from crossmodal.maths.validation import check, number
+from crossmodal.maths.validation import check, number, require
 
 
 @dataclass(kw_only=True)
@@ -18,7 +17,7 @@ class PullDirectionConfig:
     period: float = number(0.01, at_least=1e-4, at_most=1.0, unit="s")  # Update period.
     # What the pull keeps to: the hand, in which it is fixed; the perceived joint, from the hand's
     # direction on; or the path that the handle has taken, from the world's direction on.
-    along: Literal["hand", "joint", "path"] = "hand"
+    along: str = "hand"  # Or joint, or path.
     # Displacement of the hand by the joint before it is followed; length of the path that counts.
     start: float = number(0.03, above=0.0, at_most=10.0, unit="m")
     # Time constant with which the pull turns to the joint's direction.
@@ -61,6 +60,8 @@ class PullDirection(LeafSystem):
     def __init__(self, config: PullDirectionConfig, arm: ArmModel, direction_E: Array) -> None:
         super().__init__()
         check(config, "PullDirection")
+        allowed = ("hand", "joint", "path")
+        require(config.along in allowed, "PullDirection", config, "along", " or ".join(allowed))
         self._config = config
         self._arm = arm
         self._joint_state = self.DeclareVectorInputPort("joint_state_measured", 2 * arm.num_joints)

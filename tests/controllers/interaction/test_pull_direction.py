@@ -97,6 +97,6 @@ def test_the_pull_follows_the_path_that_the_hand_is_led_on() -> None:
 
 
 def test_impossible_values_are_refused_by_name() -> None:
-    for field, value in (("limit", 120.0), ("start", np.nan), ("time", 0.0)):
+    for field, value in (("limit", 120.0), ("start", np.nan), ("time", 0.0), ("along", "x")):
         with pytest.raises(ValueError, match=f"PullDirection: {field} = "):
             PullDirection(PullDirectionConfig(**{field: value}), arm_model(), BACK)

@@ -11,7 +11,7 @@ class GraspSequenceConfig:
     # Length of the straight approach along z of E.
     approach_distance: float = number(0.10, at_least=0.0, at_most=10.0, unit="m")
     # Length of the approach's end on which the open fingers may touch the object.
-    touch_distance: float = number(0.06, at_least=0.0, at_most=10.0, unit="m")
+    touch_distance: float = number(0.0, at_least=0.0, at_most=10.0, unit="m")
     # Duration of the approach.
     approach_time: float = number(2.0, at_least=1e-3, at_most=3600.0, unit="s")
     # Time for the hand to close.

@@ -11,7 +11,9 @@ from pydrake.systems.framework import DiagramBuilder
 from crossmodal.diagrams.crossmodal.robot_config import ARM, HAND
 from crossmodal.diagrams.crossmodal.scenario import Scenario
 from crossmodal.diagrams.crossmodal.station.station import ManipulationStation
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 from crossmodal.maths.arrays import Array
+from crossmodal.plants.hands.soft_hand import SOFT_HAND_RANGE
 from crossmodal.plants.scene import ManipulationScene, ObjectPlacement, add_manipulation_scene
 
 _DEEPEST_OVERLAP = 0.005  # [m]
@@ -91,11 +93,14 @@ def settling(
     if np.linalg.norm(way) < _MOST:
         return []
     down = "falls" if -way[2] > 0.5 * np.linalg.norm(way) else "moves"
-    advice = "place it where it rests" if thing.free else "begin where it rests"
-    return [
+    place = "--object-pose" if thing.free else f"objects.{name}.initial_position"
+    line = (
         f"the handle '{thing.handle_frame}' {down} by {100 * np.linalg.norm(way):.0f} cm in the"
-        f" {time:g} s before the hand closes; {advice}"
-    ]
+        f" {time:g} s before the hand closes; begin where it rests ({place})"
+    )
+    if np.linalg.norm(way) > SOFT_HAND_RANGE.reach:
+        raise ScenarioError(f"{name}: {line}")
+    return [line]
 
 
 def _joints(scene: ManipulationScene, models: tuple[str, ...]) -> list[Joint]:

@@ -238,7 +238,7 @@ def _write_mtl(surface: Surface, path: Path) -> None:
 def opacity_in(path: Path) -> float:
     """Of the surface in an MTL file that `write_obj` has written, in [0, 1]."""
     rows = [line.split() for line in path.read_text(encoding="utf-8").splitlines()]
-    return next((float(row[1]) for row in rows if row[0] == "d"), 1.0)
+    return next((float(row[1]) for row in rows if row[:1] == ["d"]), 1.0)
 
 
 def _write_picture(image: Image.Image, folder: Path) -> str:

@@ -94,8 +94,10 @@ def make_calibration(scenario: Scenario) -> Calibration:
 def make_station(scenario: Scenario, calibration: Calibration) -> Station:
     """The station of a scenario with its seed."""
     station = make_manipulation_station(scenario, calibration)
-    falling = settling(scenario, draw_placements(scenario), station.q_start)
-    return replace(station, warnings=[*overlaps(station), *falling, *unclaimed_errors(scenario)])
+    inside = overlaps(station)
+    # What begins inside the robot is pushed out of it, which is no fall.
+    falling = [] if inside else settling(scenario, draw_placements(scenario), station.q_start)
+    return replace(station, warnings=[*inside, *falling, *unclaimed_errors(scenario)])
 
 
 def make_estimators(scenario: Scenario, calibration: Calibration) -> dict[str, Diagram]:

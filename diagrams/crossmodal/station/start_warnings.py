@@ -68,6 +68,9 @@ def settling(
     Args:
         placements: Of its objects.
         q_start: Posture of the arm (n,) at the start, [rad].
+
+    Raises:
+        ScenarioError: if the handle goes farther than the hand reaches.
     """
     thing = scenario.object
     if not Path(thing.model).is_absolute():

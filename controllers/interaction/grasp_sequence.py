@@ -102,7 +102,7 @@ class GraspSequence(Sequence):
       feel.
     - `grasp_lost`: (1,) one from the instant a grasp is given up to the next one.
     - `stuck`: (1,) one once nothing has moved although the hand held on.
-    - `in_free_space`: (1,) one while the hand approaches and nothing can touch it yet.
+    - `in_free_space`: (1,) one while the hand stands still before the object.
     - `motion_desired`: `DesiredMotion` of release and approach, then the grasp pose held.
     - `gains_desired`: `ImpedanceGains`.
     - `pressure_commanded`: (chambers,) gauge pressure, [Pa].
@@ -191,20 +191,22 @@ class GraspSequence(Sequence):
         return closing if phase == Phase.CLOSE else float(phase > Phase.CLOSE)
 
     def _calc_in_free_space(self, context: Context) -> float:
-        config = self._config
-        if self._state(context).phase != Phase.APPROACH:
-            return 0.0
-        blend, *_ = minimum_jerk(min(self._elapsed(context) / config.approach_time, 1.0))
-        return float(config.touch_distance <= (1.0 - blend) * config.approach_distance)
+        standing = self._config.standing * self._config.approach_time
+        approaching = self._state(context).phase == Phase.APPROACH
+        return float(approaching and self._elapsed(context) < standing)
 
     def _calc_motion(self, context: Context) -> DesiredMotion:
         config, state = self._config, self._state(context)
-        time, X_WE_grasp = config.approach_time, tried_pose(state, config)
+        X_WE_grasp = tried_pose(state, config)
+        standing = config.standing * config.approach_time
+        time = config.approach_time - standing
         if state.phase == Phase.RELEASE:
             X_WE_next = approach_motion(X_WE_grasp, self._back, 0.0, time).X_WE
             progress = self._elapsed(context) / config.release_time
             return release_motion(state.X_WE_start, X_WE_next, self._back, progress)
-        s = self._elapsed(context) / time if state.phase == Phase.APPROACH else 1.0
+        s = 1.0
+        if state.phase == Phase.APPROACH:
+            s = max(self._elapsed(context) - standing, 0.0) / time
         return approach_motion(X_WE_grasp, self._back, s, time)
 
     def _calc_gains(self, context: Context) -> ImpedanceGains:

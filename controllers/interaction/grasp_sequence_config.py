@@ -10,10 +10,11 @@ class GraspSequenceConfig:
     period: float = number(0.01, at_least=1e-4, at_most=1.0, unit="s")  # Update period.
     # Length of the straight approach along z of E.
     approach_distance: float = number(0.10, at_least=0.0, at_most=10.0, unit="m")
-    # Length of the approach's end on which the open fingers may touch the object.
-    touch_distance: float = number(0.0, at_least=0.0, at_most=10.0, unit="m")
     # Duration of the approach.
-    approach_time: float = number(2.0, at_least=1e-3, at_most=3600.0, unit="s")
+    approach_time: float = number(3.0, at_least=1e-3, at_most=3600.0, unit="s")
+    # Share of it for which the arm stands still and tares what it carries, before friction of its
+    # joints and what touches the fingers would be tared as well.
+    standing: float = number(1.0 / 3.0, above=0.0, below=1.0)
     # Time for the hand to close.
     close_time: float = number(1.5, at_least=1e-3, at_most=3600.0, unit="s")
     # Time after which exploration ends at the latest.

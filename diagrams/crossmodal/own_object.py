@@ -23,11 +23,9 @@ from crossmodal.plants.object_import import MODEL_FILE
 from crossmodal.plants.scene import has_model
 
 # What a hand does with a handle that nobody has tried before: it pulls with 16 N at most, which is
-# about what it holds, goes on as the handle has gone, and tries again in other ways. Its fingers
-# may touch the object on the last 6 cm of the approach.
+# about what it holds, goes on as the handle has gone, and tries again in other ways.
 _ANOTHER_TRY = {
     "control.sequence.other_grasps": True,
-    "control.sequence.touch_distance": 0.06,
     "control.sequence.stuck_time": 5.0,
     "control.exploration.lead": 0.04,
     "control.pull_direction.along": "path",

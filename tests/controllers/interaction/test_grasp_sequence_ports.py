@@ -3,11 +3,13 @@
 import numpy as np
 import pytest
 from known_arm import STILL, Q, arm_model
+from numpy.testing import assert_allclose
 from pydrake.systems.analysis import Simulator
 
 from crossmodal.controllers.interaction.grasp_sequence import GraspSequence
 from crossmodal.controllers.interaction.grasp_sequence_config import GraspSequenceConfig
 from crossmodal.controllers.interaction.phases import Phase
+from crossmodal.maths import se3
 
 
 def test_the_sequence_goes_through_its_phases_and_stops_after_its_travel() -> None:
@@ -77,16 +79,18 @@ def test_impossible_values_are_refused_by_name(field: str, value: object) -> Non
         GraspSequence(config, arm_model(), np.eye(4), np.eye(4))
 
 
-@pytest.mark.parametrize(("touch", "expected"), [(0.0, [1, 1, 0, 0]), (0.06, [1, 0, 0, 0])])
-def test_the_approach_is_in_free_space_until_the_fingers_may_touch(
-    touch: float, expected: list[float]
-) -> None:
-    config = GraspSequenceConfig(approach_time=0.1, close_time=0.1, touch_distance=touch)
-    sequence = GraspSequence(config, arm_model(), np.eye(4), np.eye(4))
+def test_the_arm_tares_while_it_stands_still_before_the_object() -> None:
+    config = GraspSequenceConfig(approach_time=0.1, close_time=0.1, standing=0.5)
+    X_WE_before = se3.exp(np.array([0.0, 0.1, 0.0, 0.0, 0.0, -0.1]))
+    sequence = GraspSequence(config, arm_model(), np.eye(4), X_WE_before)
     simulator = Simulator(sequence)
     sequence.GetInputPort("joint_state_measured").FixValue(simulator.get_mutable_context(), STILL)
-    flags = []
+    flags, poses = [], []
     for time in (0.03, 0.08, 0.15, 0.25):
         simulator.AdvanceTo(time)
         flags.append(sequence.GetOutputPort("in_free_space").Eval(simulator.get_context())[0])
-    assert flags == expected
+        poses.append(sequence.GetOutputPort("motion_desired").Eval(simulator.get_context()).X_WE)
+    assert flags == [1.0, 0.0, 0.0, 0.0]
+    assert_allclose(poses[0], X_WE_before, atol=1e-12)
+    assert not np.allclose(poses[1], X_WE_before)
+    assert_allclose(poses[2], np.eye(4), atol=1e-12)

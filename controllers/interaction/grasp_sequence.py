@@ -137,6 +137,7 @@ class GraspSequence(Sequence):
         self._back = se3.log(se3.inverse(X_WE_grasp) @ X_WE_before)
         self._goal = goal or Goal()
         self._stiff = stiff_gains(config)
+        self._standing = config.standing * config.approach_time
         self._pressure = self.DeclareVectorInputPort("pressure_measured", chambers)
         self._joint = self.DeclareVectorInputPort("joint_remembered", 8)
         self._screw = self.DeclareVectorInputPort("end_effector_screw_remembered", 6)
@@ -191,22 +192,20 @@ class GraspSequence(Sequence):
         return closing if phase == Phase.CLOSE else float(phase > Phase.CLOSE)
 
     def _calc_in_free_space(self, context: Context) -> float:
-        standing = self._config.standing * self._config.approach_time
         approaching = self._state(context).phase == Phase.APPROACH
-        return float(approaching and self._elapsed(context) < standing)
+        return float(approaching and self._elapsed(context) < self._standing)
 
     def _calc_motion(self, context: Context) -> DesiredMotion:
         config, state = self._config, self._state(context)
         X_WE_grasp = tried_pose(state, config)
-        standing = config.standing * config.approach_time
-        time = config.approach_time - standing
+        time = config.approach_time - self._standing
         if state.phase == Phase.RELEASE:
             X_WE_next = approach_motion(X_WE_grasp, self._back, 0.0, time).X_WE
             progress = self._elapsed(context) / config.release_time
             return release_motion(state.X_WE_start, X_WE_next, self._back, progress)
         s = 1.0
         if state.phase == Phase.APPROACH:
-            s = max(self._elapsed(context) - standing, 0.0) / time
+            s = max(self._elapsed(context) - self._standing, 0.0) / time
         return approach_motion(X_WE_grasp, self._back, s, time)
 
     def _calc_gains(self, context: Context) -> ImpedanceGains:

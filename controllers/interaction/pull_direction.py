@@ -15,9 +15,9 @@ from crossmodal.maths.validation import check, number, require
 @dataclass(kw_only=True)
 class PullDirectionConfig:
     period: float = number(0.01, at_least=1e-4, at_most=1.0, unit="s")  # Update period.
-    # What the pull keeps to: the hand, in which it is fixed; the perceived joint, from the hand's
-    # direction on; or the path that the handle has taken, from the world's direction on.
-    along: str = "hand"  # Or joint, or path.
+    # What the pull keeps to: `hand`, in which it is fixed; `joint`, as it is perceived; or `path`,
+    # that of the handle.
+    along: str = "hand"
     # Displacement of the hand by the joint before it is followed; length of the path that counts.
     start: float = number(0.03, above=0.0, at_most=10.0, unit="m")
     # Time constant with which the pull turns to the joint's direction.

@@ -20,10 +20,10 @@ def make_controls(scenario: Scenario) -> list[Control]:
     return [
         *camera_controls(scenario.cameras),
         _pace("camera arm", CAMERA_PACE),
-        _pace("touching arm", TOUCH_PACE),
+        _pace("touch arm", TOUCH_PACE),
         *([_pace("grasp, push", MOVE_PACE)] if scenario.clutter.count else []),
         Control(
-            name="approach speed [mm/s]",
+            name="approach [mm/s]",
             port=APPROACH_SPEED,
             low=1.0,
             high=100.0,
@@ -31,7 +31,7 @@ def make_controls(scenario: Scenario) -> list[Control]:
             factor=1e-3,
         ),
         Control(
-            name="contact threshold [N]",
+            name="touches at [N]",
             port=CONTACT_THRESHOLD,
             low=0.01,
             high=2.0,
@@ -44,6 +44,6 @@ def make_controls(scenario: Scenario) -> list[Control]:
 def _pace(name: str, port: str) -> Control:
     """The speed of motions that begin from now on, beside the scenario's."""
     return Control(
-        name=f"{name} speed [%]", port=port, low=10.0, high=200.0, step=5.0, value=100.0,
+        name=f"{name} [%]", port=port, low=10.0, high=200.0, step=5.0, value=100.0,
         factor=0.01,
     )  # fmt: skip

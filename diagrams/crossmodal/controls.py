@@ -18,9 +18,9 @@ def make_controls(scenario: Scenario) -> list[Control]:
     return [
         *camera_controls(scenario.cameras),
         *([pulling] if pulls else []),
-        Control(name="the hand leaks", port=LEAK, kind=ControlKind.SWITCH),
+        Control(name="hand leaks", port=LEAK, kind=ControlKind.SWITCH),
         silence("depth", "depth_measured"),
         silence("wrist", "wrench_window"),
-        silence("arm encoders", "joint_state_window"),
-        silence("hand pressures", "pressure_window"),
+        silence("encoders", "joint_state_window"),
+        silence("pressures", "pressure_window"),
     ]

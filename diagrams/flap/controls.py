@@ -20,7 +20,7 @@ def make_controls(scenario: Scenario) -> list[Control]:
             value=1e3 * control.sequence.feed_speed, factor=1e-3,
         ),
         silence("taxels", "taxel_window"),
-        silence("finger joints", "finger_joint_state_window"),
-        silence("holder joints", "holder_joint_state_window"),
+        silence("finger", "finger_joint_state_window"),
+        silence("holder", "holder_joint_state_window"),
         silence("depth", "depth_measured"),
     ]  # fmt: skip

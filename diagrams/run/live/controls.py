@@ -36,7 +36,7 @@ class Control:
     """A value of a station that a person may change while it runs.
 
     Attributes:
-        name: On the page, with its unit; the page has room for 16 letters or so.
+        name: On the page, with its unit; the page has room for 17 letters.
         kind: How it is changed, and what it is written to.
         port: Input port (1,) of the station, which does as the scenario says without one; of a
             silence the stream, an output port of the station that estimators read.

@@ -35,7 +35,7 @@ from crossmodal.diagrams.run.folder.run_folder import (
 )
 from crossmodal.diagrams.run.own_code import place_of, told, traceback_of
 from crossmodal.diagrams.run.record import EpisodeRecord
-from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line
 
 
 class RunWriter:
@@ -95,9 +95,7 @@ class RunWriter:
         remove_run(self._folder, kept=self._names)
         scenario = self._record.scenario
         self._try(lambda: write_scenario(self._folder, self._application, scenario))
-        self._write(
-            ESTIMATES_FILE, lambda path: self._results.estimates.to_parquet(path, index=False)
-        )
+        self._write(ESTIMATES_FILE, self._write_table)
         if PERCEIVED_FILE in self._names:
             text = as_text(self._perceived)
             self._write(PERCEIVED_FILE, lambda path: path.write_text(text, encoding="utf-8"))
@@ -105,6 +103,15 @@ class RunWriter:
             self._write(LOG_FILE, lambda path: path.write_text(self._log, encoding="utf-8"))
         if {SCENARIO_FILE, ESTIMATES_FILE} <= {path.name for path in self.written}:
             self._write_summary()
+
+    def _write_table(self, path: Path) -> None:
+        try:
+            self._results.estimates.to_parquet(path, index=False)
+        except OSError:
+            raise
+        except Exception as error:  # Such as a column of mixed types.
+            place = self._folder / ESTIMATES_FILE
+            raise ScenarioError(f"{place}: cannot be written: {one_line(error)}") from error
 
     def _write_summary(self) -> None:
         text = json.dumps(self.summary, indent=2, allow_nan=False) + "\n"

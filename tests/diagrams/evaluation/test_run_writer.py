@@ -122,6 +122,16 @@ def test_without_estimates_there_is_no_summary_not_even_an_earlier_ones(
     assert (tmp_path / "figures" / "errors.png").exists()
 
 
+def test_a_table_that_cannot_be_written_costs_no_other_file(tmp_path: Path) -> None:
+    record = synthetic_episode()
+    results = APPLICATION.evaluate(record)
+    mixed = results.estimates.assign(mixed=[{1}, *["a"] * (len(results.estimates) - 1)])
+    with pytest.raises(ScenarioError, match=r"estimates\.parquet: cannot be written: .*mixed"):
+        write_run(tmp_path, APPLICATION, record, replace(results, estimates=mixed))
+    assert (tmp_path / "scenario.yaml").exists()
+    assert (tmp_path / "figures" / "errors.png").exists()
+
+
 def test_the_results_are_written_before_the_pictures(tmp_path: Path) -> None:
     record = synthetic_episode()
     writer = RunWriter(tmp_path, APPLICATION, record, APPLICATION.evaluate(record))

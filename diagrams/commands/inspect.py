@@ -84,8 +84,9 @@ def inspect_command(
 def _inspect_recording(path: Path, folder: Path | None, *, force: bool) -> None:
     from tqdm import tqdm
 
-    from crossmodal.diagrams.recordings.report import described, drafts, written
+    from crossmodal.diagrams.recordings.report import can_be_replayed, described, drafts, written
     from crossmodal.diagrams.recordings.survey import survey
+    from crossmodal.diagrams.recordings.topic_map import likely_topic_map
     from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
     from crossmodal.systems.recordings.recording import RecordingError
 
@@ -96,6 +97,8 @@ def _inspect_recording(path: Path, folder: Path | None, *, force: bool) -> None:
         if folder is not None:
             paths = written(found, folder, force=force)
             typer.echo("\nFiles:\n" + "\n".join(f"  {file}" for file in paths))
+            return
+        if not can_be_replayed(likely_topic_map(found)):
             return
         for name, text in drafts(found).items():
             typer.echo(f"\nDraft of {name}\n\n{text}", nl=False)

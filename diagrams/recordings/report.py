@@ -17,7 +17,9 @@ def described(found: Survey) -> list[str]:
     """Topics with their rates and gaps, what can be perceived, and the commands for it."""
     chosen = likely_topic_map(found)
     seconds = 1e-9 * (found.end - found.start)
-    lines = [f"{found.path}: {len(found.topics)} topics, {seconds:.1f} s", "", "Topics"]
+    count = len(found.topics)
+    topics = f"{count} topic{'s' if count > 1 else ''}"
+    lines = [f"{found.path}: {topics}, {seconds:.1f} s", "", "Topics"]
     width = max(len(name) for name in found.topics)
     for name, each in sorted(found.topics.items()):
         lines.append(f"  {name:{width}s}  {each.facts.type}")
@@ -73,8 +75,7 @@ def perceivable(found: Survey, chosen: TopicMap) -> list[str]:
 
 def _commands(found: Survey, chosen: TopicMap) -> list[str]:
     lines = []
-    sees = bool(chosen.color and chosen.depth)
-    if sees or (chosen.joint_states and chosen.wrench and chosen.pressures):
+    if can_be_replayed(chosen):
         lines += [
             f"crossmodal inspect {found.path} --drafts .   # topics.yaml, calibration.yaml",
             f"crossmodal replay {found.path} --robot wam --calibration calibration.yaml"
@@ -85,6 +86,12 @@ def _commands(found: Survey, chosen: TopicMap) -> list[str]:
         for each in found.of_type(*POSE_TYPES)
     ]
     return lines or ["none"]
+
+
+def can_be_replayed(chosen: TopicMap) -> bool:
+    """Whether vision, or proprioception, has all that it needs."""
+    sees = bool(chosen.color and chosen.depth)
+    return sees or bool(chosen.joint_states and chosen.wrench and chosen.pressures)
 
 
 def drafts(found: Survey) -> dict[str, str]:

@@ -14,6 +14,7 @@ import trimesh
 from PIL import Image
 
 from crossmodal.maths.arrays import Array
+from crossmodal.maths.git_lfs import STANDS_FOR_ANOTHER, is_lfs_pointer
 from crossmodal.plants.object_import.model_files import MeshFiles
 from crossmodal.plants.object_import.wavefront import LIBRARY, opacity, plain_obj
 
@@ -102,6 +103,8 @@ def _loaded(path: Path, files: MeshFiles, warn: Warn) -> trimesh.Scene:
     """What trimesh reads of a file; refuses those of which it would read something else."""
     if not os.path.isfile(path):
         raise ValueError("is no file")
+    if is_lfs_pointer(path):
+        raise ValueError(STANDS_FOR_ANOTHER)
     suffix = path.suffix.lower()
     if suffix == ".obj":
         obj, library = plain_obj(path.read_bytes(), files.read, warn)

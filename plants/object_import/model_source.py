@@ -13,6 +13,7 @@ import numpy as np
 from scipy import stats
 
 from crossmodal.maths.arrays import Array
+from crossmodal.maths.git_lfs import STANDS_FOR_ANOTHER, is_lfs_pointer
 from crossmodal.plants.object_import.meshes import (
     MANY_FACES,
     EmptyMeshError,
@@ -88,6 +89,8 @@ def read_model(path: Path) -> ModelSource:
         what = "is no file" if os.path.exists(path) else "there is no such file"
         raise ValueError(f"{path}: {what}")
     try:
+        if is_lfs_pointer(path):
+            raise ValueError(f"{path}: {STANDS_FOR_ANOTHER}")
         root = ElementTree.fromstring(_with_known_prefixes(_text(path.read_bytes())))
     except OSError as error:
         raise ValueError(f"{path}: cannot be read as SDF or URDF: {error}") from None

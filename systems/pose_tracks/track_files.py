@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from crossmodal.maths.arrays import Array
+from crossmodal.maths.git_lfs import STANDS_FOR_ANOTHER, is_lfs_pointer
 from crossmodal.systems.pose_tracks.pose_track import PoseTrack, pose_track
 from crossmodal.systems.recordings.open_recording import is_recording
 from crossmodal.systems.recordings.pose_topics import read_poses
@@ -85,6 +86,8 @@ def read_track(
         raise ValueError(f"{path}: is no bag, so that it has no topic '{topic}'")
     if path.stat().st_size > _LARGEST_FILE:
         raise ValueError(f"{path}: is larger than {_LARGEST_FILE / 1e6:.0f} MB")
+    if is_lfs_pointer(path):
+        raise ValueError(f"{path}: {STANDS_FOR_ANOTHER}")
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except UnicodeDecodeError:

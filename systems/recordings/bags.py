@@ -7,6 +7,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+from crossmodal.maths.git_lfs import STANDS_FOR_ANOTHER, is_lfs_pointer
 from crossmodal.systems.recordings.recording import Logged, RecordingError, TopicFacts
 
 FILES = (".bag", ".mcap", ".db3")
@@ -50,6 +51,9 @@ class BagRecording:
         self.name = str(path)
         with_metadata = path.is_dir() and (path / "metadata.yaml").exists()
         paths = _files_in(path) if path.is_dir() and not with_metadata else [path]
+        for file in paths:
+            if file.is_file() and is_lfs_pointer(file):
+                raise RecordingError(f"{file}: {STANDS_FOR_ANOTHER}")
         # A file of sqlite has no definitions of its messages before ROS 2 Iron.
         store = get_typestore(Stores.ROS2_HUMBLE)
         with self._damage("cannot be read"):

@@ -166,7 +166,7 @@ class Repair:
         self._files = ModelFiles(source, warn)
         self._included_files = 0
         self._missing: list[str] = []  # Meshes that there are not, or that hold nothing.
-        self._links: dict[str, list[str]] = {}  # Links by the note about them.
+        self._links: dict[str, dict[str, None]] = {}  # Links by the note about them.
         self._surfaces: dict[_MeshKey, list[Surface]] = {}
         self._written: dict[object, list[Path]] = {}
 
@@ -207,7 +207,7 @@ class Repair:
 
     def _note(self, what: str, link: Element) -> None:
         """Notes something about a link, once for all links of which it is true."""
-        self._links.setdefault(what, []).append(link.get("name", ""))
+        self._links.setdefault(what, {})[link.get("name", "")] = None
 
     def _expand_includes(self, element: Element, within: tuple[Path, ...]) -> None:
         """Puts included models into the file, and makes the names of all files absolute.

@@ -47,8 +47,9 @@ def inspected(
     lines = report(found, own.model)
     held = [handle.grasp_frame for handle in found.handles if not handle.faults]
     frames = [own.grasp_frame] if own.grasp_frame else held
+    notes = ["Notes", *(f"  {text}" for text in found.warnings)] if found.warnings else []
     if not frames:
-        return lines, None
+        return lines + notes, None
     base = load([])
     if not isinstance(base, Scenario):
         raise ScenarioError(f"--scenario {scenario}: has no object to be replaced")
@@ -61,8 +62,8 @@ def inspected(
                 raise
             lines.append(f"  {frame}: {error}")
         else:
-            return _shown(tried, chosen, scenario, lines)
-    return lines, None
+            return _shown(tried, chosen, scenario, lines)  # Loading it has said the notes.
+    return lines + notes, None
 
 
 def _placed(

@@ -37,14 +37,16 @@ def test_a_picture_is_not_replaced_unasked() -> None:
     assert picture.read_text() == "mine"
 
 
-def test_a_model_without_a_handle_is_said_to_have_none() -> None:
+def test_a_model_without_a_handle_is_said_to_have_none_and_what_was_left_out_of_it() -> None:
+    gone = "<geometry><mesh filename='gone.obj'/></geometry>"
     Path("box.urdf").write_text(
         "<robot name='m'><link name='a'><visual><geometry><box size='1 1 1'/></geometry></visual>"
-        "</link></robot>"
+        f"<visual>{gone}</visual><collision>{gone}</collision></link></robot>"
     )
     result = RUNNER.invoke(app, ["inspect", "box.urdf"])
     assert result.exit_code == 0, result.output
     assert "none: the hand holds bars of 4 to 55 mm" in result.stdout
+    assert "mesh 'gone.obj', which there is not, left out: a\n" in result.stdout
     assert not Path("runs").exists()
 
 

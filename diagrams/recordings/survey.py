@@ -30,6 +30,7 @@ class TopicSurvey:
         facts: Its name, type and count.
         times: Of its messages, sorted, on the recording's axis, [ns].
         first: Its first message; None of a type that nothing is made of.
+        frames: Of TF, those whose poses are there.
         jumps: How often its clock was set.
         late: By how much a message was logged after its stamp, at most, [s].
         disordered: Messages whose stamps are before those of the message before.
@@ -38,6 +39,7 @@ class TopicSurvey:
     facts: TopicFacts
     times: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     first: Any = None
+    frames: set[str] = field(default_factory=set)
     jumps: int = 0
     late: float = 0.0
     disordered: int = 0
@@ -45,7 +47,15 @@ class TopicSurvey:
     @property
     def interval(self) -> float:
         """Usual time between two messages, [s]; infinite of a single one."""
-        return float(np.median(np.diff(self.times))) * 1e-9 if len(self.times) > 1 else np.inf
+        if len(self.times) < 2:
+            return np.inf
+        pauses = 1e-9 * np.diff(self.times)
+        return float(np.mean(pauses) if self._has_bursts else np.median(pauses))
+
+    @property
+    def _has_bursts(self) -> bool:
+        """Whether messages come in bunches, as where several publish frames of TF."""
+        return self.facts.type in TF or 2 * len(np.unique(self.times)) <= len(self.times)
 
     @property
     def rate(self) -> float:
@@ -55,7 +65,7 @@ class TopicSurvey:
     @property
     def gaps(self) -> list[tuple[float, float]]:
         """Pauses of several intervals: beginnings since the first message, and lengths, [s]."""
-        if len(self.times) < 3:
+        if len(self.times) < 3 or self._has_bursts:
             return []
         pauses = 1e-9 * np.diff(self.times)
         starts = 1e-9 * (self.times[:-1] - self.times[0])
@@ -78,7 +88,7 @@ class TopicSurvey:
         if kind in ARRAYS:
             return f"{len(first.data)} numbers"
         if kind in TF:
-            return ", ".join(each.child_frame_id for each in first.transforms)
+            return ", ".join(sorted(self.frames))
         return ""
 
 
@@ -131,6 +141,8 @@ def survey(path: Path, progress: Callable[[int], object] | None = None) -> Surve
                 message = logged.decode()
                 stamp = stamp_of(message)
                 each.first = message if each.first is None else each.first
+                if logged.type in TF:
+                    each.frames |= {one.child_frame_id for one in message.transforms}
             time = clocks[logged.topic].time(stamp, logged.time)
             late[logged.topic] = max(late[logged.topic], logged.time - time)
             stamps[logged.topic].append(time)

@@ -1,4 +1,4 @@
-"""Poses over time in a recording: stamped poses and transforms, odometry, and frames of TF."""
+"""Poses over time in a recording: poses, transforms and points, odometry, and frames of TF."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -18,6 +18,11 @@ _WITH_POSE = (
     "nav_msgs/msg/Odometry",
     "geometry_msgs/msg/TransformStamped",
     "geometry_msgs/msg/PointStamped",
+    # Without a stamp they count from when they were logged.
+    "geometry_msgs/msg/Pose",
+    "geometry_msgs/msg/PoseWithCovariance",
+    "geometry_msgs/msg/Transform",
+    "geometry_msgs/msg/Point",
 )
 POSE_TYPES = (*_WITH_POSE, *TF)
 
@@ -82,11 +87,12 @@ def _poses(message: Any, is_tf: bool) -> Iterator[tuple[str, int, list[float]]]:
 
 
 def _pose(message: Any) -> list[float]:
-    if hasattr(message, "transform"):
-        p, q = message.transform.translation, message.transform.rotation
-    elif hasattr(message, "point"):
-        p, q = message.point, None
+    for name in ("transform", "pose", "pose", "point"):  # A pose with covariance is within another.
+        message = getattr(message, name, message)
+    if hasattr(message, "translation"):
+        p, q = message.translation, message.rotation
+    elif hasattr(message, "position"):
+        p, q = message.position, message.orientation
     else:
-        pose = getattr(message.pose, "pose", message.pose)
-        p, q = pose.position, pose.orientation
+        p, q = message, None
     return [p.x, p.y, p.z, *([] if q is None else [q.x, q.y, q.z, q.w])]

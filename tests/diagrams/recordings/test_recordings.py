@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import yaml
 from numpy.testing import assert_allclose, assert_array_equal
-from ros_messages import IMAGE, INFO, START, Row, header, image, write_bag
+from ros_messages import IMAGE, INFO, START, Row, header, image, transform, write_bag
 from typer.testing import CliRunner
 
 from crossmodal.diagrams.command_line import app
@@ -88,6 +88,29 @@ def test_a_camera_alone_is_surveyed_and_its_drafts_can_be_read(tmp_path: Path) -
     assert facts is not None
     assert facts.intrinsics.vector().tolist() == [30.0, 30.0, 15.5, 11.5]
     assert facts.distortion.tolist() == [0.1, 0.0, 0.0, 0.0, 0.0]
+
+
+def test_frames_of_tf_that_come_in_bunches_have_a_rate_and_no_gaps(tmp_path: Path) -> None:
+    rows = []
+    for k in range(40):
+        time = START + (k // 4) * 100 * MS + (k % 4) * 1000
+        frame = {"header": header(time, "map"), "child_frame_id": f"part_{k % 4}"}
+        frame["transform"] = transform([0.01 * k, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0])
+        rows.append(("/tf", "tf2_msgs/msg/TFMessage", {"transforms": [frame]}, time))
+    (found,) = survey(bag(tmp_path, rows)).topics.values()
+    assert 40 < found.rate < 45
+    assert found.gaps == []
+    assert found.holds() == "part_0, part_1, part_2, part_3"
+
+
+def test_a_pose_alone_has_a_command_but_no_drafts(tmp_path: Path) -> None:
+    pose_at = [({"x": 0.1 * k, "y": 0.0, "z": 0.0}, START + k * 100 * MS) for k in range(5)]
+    rows = [("/lid", "geometry_msgs/msg/Point", point, time) for point, time in pose_at]
+    path = str(bag(tmp_path, rows))
+    output = CliRunner().invoke(app, ["inspect", path]).output
+    assert "1 topic, 0.4 s" in output
+    assert f"crossmodal joints {path} --topic /lid" in output
+    assert "Draft" not in output
 
 
 def test_the_command_says_it_and_writes_the_drafts_once(tmp_path: Path) -> None:

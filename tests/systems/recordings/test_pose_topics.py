@@ -28,19 +28,27 @@ STILL = ([0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0])
 def rows(kind: str, topic: str = "/door") -> list[Row]:
     made = []
     for k, time in enumerate(map(int, TIMES)):
-        fields: dict = {"header": header(time, "map"), "child_frame_id": "door"}
-        if kind == "tf2_msgs/msg/TFMessage":
-            other = fields | {"child_frame_id": "table", "transform": transform(*STILL)}
-            fields = {"transforms": [fields | {"transform": transform(P[k], Q[k])}, other]}
-        elif "Transform" in kind:
-            fields["transform"] = transform(P[k], Q[k])
-        elif "Point" in kind:
-            fields["point"] = pose(P[k])["position"]
-        elif "Covariance" in kind or "Odometry" in kind:
-            fields["pose"] = {"pose": pose(P[k], Q[k])}
-        else:
-            fields["pose"] = pose(P[k], Q[k])
-        made.append((topic, kind, fields, time + 3_000_000))
+        stamp: dict = {"header": header(time, "map"), "child_frame_id": "door"}
+        moved, still = {"transform": transform(P[k], Q[k])}, {"transform": transform(*STILL)}
+        with_covariance = {"pose": pose(P[k], Q[k])}
+        table = stamp | {"child_frame_id": "table"} | still
+        stamped = {
+            "geometry_msgs/msg/PoseStamped": stamp | {"pose": pose(P[k], Q[k])},
+            "geometry_msgs/msg/PoseWithCovarianceStamped": stamp
+            | {"pose": {"pose": pose(P[k], Q[k])}},
+            "geometry_msgs/msg/TransformStamped": stamp | moved,
+            "geometry_msgs/msg/PointStamped": stamp | {"point": pose(P[k])["position"]},
+            "nav_msgs/msg/Odometry": stamp | {"pose": with_covariance},
+            "tf2_msgs/msg/TFMessage": {"transforms": [stamp | moved, table]},
+        }
+        plain = {
+            "geometry_msgs/msg/Pose": pose(P[k], Q[k]),
+            "geometry_msgs/msg/PoseWithCovariance": with_covariance,
+            "geometry_msgs/msg/Transform": moved["transform"],
+            "geometry_msgs/msg/Point": pose(P[k])["position"],
+        }
+        late = 3_000_000 if kind in stamped else 0  # Without a stamp it counts when it was logged.
+        made.append((topic, kind, (stamped | plain)[kind], time + late))
     return made
 
 
@@ -50,6 +58,9 @@ KINDS = (
     "geometry_msgs/msg/TransformStamped",
     "nav_msgs/msg/Odometry",
     "tf2_msgs/msg/TFMessage",
+    "geometry_msgs/msg/Pose",
+    "geometry_msgs/msg/PoseWithCovariance",
+    "geometry_msgs/msg/Transform",
 )
 
 
@@ -63,8 +74,9 @@ def test_every_kind_of_pose_is_read_exactly(kind: str, ending: str, tmp_path: Pa
     assert_allclose(track.X_AB[:, :3, :3], Rotation.from_quat(Q).as_matrix(), atol=1e-9)
 
 
-def test_points_have_no_rotations(tmp_path: Path) -> None:
-    path = write_bag(tmp_path / "x.bag", "bag", rows("geometry_msgs/msg/PointStamped"))
+@pytest.mark.parametrize("kind", ["geometry_msgs/msg/PointStamped", "geometry_msgs/msg/Point"])
+def test_points_have_no_rotations(kind: str, tmp_path: Path) -> None:
+    path = write_bag(tmp_path / "x.bag", "bag", rows(kind))
     assert not joints.read_track(path).has_rotations
 
 

@@ -47,6 +47,7 @@ class DesiredMotion(Immutable):
         return not np.isnan(self.X_WE[0, 0])
 
 
+_STEP = 1e-4  # For the slope of the weight, [rad].
 _NAN = np.full((6, 6), np.nan)
 # Output of a source that does not command the arm; Drake's newer versions refuse None as a value.
 NO_MOTION = DesiredMotion(X_WE=_NAN[:4, :4], V_WE_E=_NAN[0], A_WE_E=_NAN[0])
@@ -63,6 +64,10 @@ class ImpedanceConfig:
     torque_limit: float = number(60.0, above=0.0, at_most=1e4, unit="N m")  # Of every joint.
     # Time constant with which the offset takes over the springs' load.
     tare_time: float = number(0.3, at_least=1e-3, at_most=3600.0, unit="s")
+    # The offset comes from joints whose zeros are off, or from other torques, such as a load of
+    # another weight; how large these are, one standard deviation of each joint.
+    zero_error: float = number(float(np.deg2rad(5.0)), above=0.0, at_most=3.2, unit="rad")
+    torque_error: float = number(0.3, above=0.0, at_most=1e4, unit="N m")
 
 
 def impedance_wrench(state: ArmState, desired: DesiredMotion, gains: ImpedanceGains) -> Array:
@@ -87,6 +92,37 @@ def posture_torque(state: ArmState, q_posture: Array, stiffness: float, damping:
     return tau - state.J_E.T @ wrench
 
 
+def weight_error(arm: ArmModel, q: Array, zeros: Array) -> Array:
+    """What the arm's weight takes beyond what is computed from encoders that are off.
+
+    Args:
+        q: As the encoders read it (n,), [rad].
+        zeros: By how much they read too much (n,), [rad].
+
+    Returns:
+        Torques (n,), [N m].
+    """
+    if not zeros.any():
+        return np.zeros(len(q))
+    return arm.CalcHoldingTorque(q - zeros) - arm.CalcHoldingTorque(q)
+
+
+def likely_zeros(arm: ArmModel, q: Array, torque: Array, config: ImpedanceConfig) -> Array:
+    """By how much the encoders read too much (n,) [rad], if the arm at rest takes `torque` more.
+
+    The maximum of the posterior with the configured standard deviations, by first order.
+
+    Args:
+        q: As the encoders read it (n,), [rad].
+        torque: What holds the arm, beyond what is computed (n,), [N m].
+    """
+    steps = _STEP * np.eye(len(q))
+    slopes = [arm.CalcHoldingTorque(q - step) - arm.CalcHoldingTorque(q + step) for step in steps]
+    G = np.column_stack(slopes) / (2.0 * _STEP)
+    ratio = config.torque_error / config.zero_error
+    return np.asarray(G.T @ np.linalg.solve(G @ G.T + ratio**2 * np.eye(len(q)), torque))
+
+
 class ImpedanceController(LeafSystem):
     """Makes the end-effector a mass-spring-damper around the desired motion.
 
@@ -94,7 +130,10 @@ class ImpedanceController(LeafSystem):
 
     Encoders that are off make the arm's weight wrong, by more than the compliant spring and a hand
     that holds a bar can bear. So while nothing touches the hand, the offset integrates the torques
-    of spring, J^T K log(X^-1 X_des), and posture; otherwise it is kept.
+    of spring, J^T K log(X^-1 X_des), and posture. Elsewhere the weight is wrong by another torque,
+    under which a hand tilts that goes half a metre with a door. So the offset is explained by zeros
+    of the joints that are off, as far as it can be, and goes on with the weight that they make;
+    what is left of it is kept.
 
     Input ports:
     - `joint_state_measured`: (2 n,) positions [rad] and velocities [rad/s] from the encoders.
@@ -105,7 +144,8 @@ class ImpedanceController(LeafSystem):
     Output ports:
     - `torque_commanded`: (n,) [N m], held over the period.
 
-    State: the torque commanded (n,) and the offset (n,), [N m].
+    State: the torque commanded (n,) [N m]; what is left of the offset (n,) [N m], and by how much
+    the joints' zeros are off (n,) [rad].
 
     Frames: W world, E end-effector. Source: crossmodal paper, section VI; stiffness on SE(3) by
     the logarithm of the pose error in E.
@@ -133,7 +173,7 @@ class ImpedanceController(LeafSystem):
         self._gains = self.DeclareAbstractInputPort("gains_desired", Value[object]())
         self._tare = self.DeclareVectorInputPort("tare", 1)
         torque = self.DeclareDiscreteState(n)
-        self._offset = self.DeclareDiscreteState(n)
+        self._offset = self.DeclareDiscreteState(2 * n)
         self.DeclareStateOutputPort("torque_commanded", torque)
         self.DeclarePeriodicDiscreteUpdateEvent(config.period, 0.0, self._update)
 
@@ -141,15 +181,18 @@ class ImpedanceController(LeafSystem):
         arm = self._arm.Evaluate(np.asarray(self._joint_state.Eval(context)))
         config = self._config
         desired, gains = self._desired.Eval(context), self._gains.Eval(context)
-        offset = np.array(context.get_discrete_state(self._offset).value())
+        rest, zeros = context.get_discrete_state(self._offset).value().reshape(2, -1)
+        offset = rest + weight_error(self._arm, arm.q, zeros)
         posture = posture_torque(
             arm, self._q_posture, config.posture_stiffness, config.posture_damping
         )
         if self._tare.HasValue(context) and self._tare.Eval(context)[0] > 0.5:
             spring = gains.stiffness @ se3.log(se3.inverse(arm.X_WE) @ desired.X_WE)
             offset += config.period / config.tare_time * (arm.J_E.T @ spring + posture)
+            zeros = likely_zeros(self._arm, arm.q, offset, config)
+            rest = offset - weight_error(self._arm, arm.q, zeros)
         torque = arm.J_E.T @ impedance_wrench(arm, desired, gains) + arm.tau_bias + offset
         torque += posture
         limit = config.torque_limit
         next_state.get_mutable_value(0)[:] = np.clip(torque, -limit, limit)
-        next_state.get_mutable_value(self._offset)[:] = offset
+        next_state.get_mutable_value(self._offset)[:] = np.concatenate([rest, zeros])

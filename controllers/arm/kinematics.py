@@ -68,3 +68,8 @@ class ArmModel:
         tau_bias = plant.CalcBiasTerm(context) - plant.CalcGravityGeneralizedForces(context)
         q, v = joint_state[: self.num_joints], joint_state[self.num_joints :]
         return ArmState(q=q, v=v, X_WE=X_WE, J_E=J_E, V_WE_E=J_E @ v, tau_bias=tau_bias)
+
+    def CalcHoldingTorque(self, q: Array) -> Array:
+        """What carries the arm's weight at the joint positions `q` (n,): torques (n,), [N m]."""
+        self.plant.SetPositions(self._context, q)
+        return -np.asarray(self.plant.CalcGravityGeneralizedForces(self._context))

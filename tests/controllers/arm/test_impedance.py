@@ -13,7 +13,9 @@ from crossmodal.controllers.arm.impedance import (
     ImpedanceController,
     ImpedanceGains,
     impedance_wrench,
+    likely_zeros,
     posture_torque,
+    weight_error,
 )
 from crossmodal.maths import se3
 
@@ -96,3 +98,29 @@ def test_impossible_values_are_refused_by_name(field: str, value: float) -> None
 def test_a_posture_of_another_arm_is_refused() -> None:
     with pytest.raises(ValueError, match="need 7 joints"):
         ImpedanceController(ImpedanceConfig(), arm_model(), Q[:6])
+
+
+def test_what_is_tared_holds_the_weight_elsewhere_too() -> None:
+    """What is left of the weight's error half a radian away, with encoders that are 3 deg off."""
+    arm, config, rng = arm_model(), ImpedanceConfig(), np.random.default_rng(1)
+    kept, explained = [], []
+    for _ in range(20):
+        off, away = np.deg2rad(3.0) * rng.normal(size=7), 0.5 * rng.normal(size=7)
+
+        def missing(q: np.ndarray, off: np.ndarray = off) -> np.ndarray:
+            return arm.CalcHoldingTorque(q - off) - arm.CalcHoldingTorque(q)
+
+        zeros = likely_zeros(arm, Q, missing(Q), config)
+        rest = missing(Q) - weight_error(arm, Q, zeros)
+        kept.append(missing(Q + away) - missing(Q))
+        explained.append(missing(Q + away) - weight_error(arm, Q + away, zeros) - rest)
+    assert np.linalg.norm(explained) < 0.5 * np.linalg.norm(kept)
+
+
+def test_a_torque_that_no_zero_explains_is_kept() -> None:
+    """The first joint is vertical, so that gravity makes no torque about it."""
+    arm, config = arm_model(), ImpedanceConfig()
+    torque = np.array([2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    zeros = likely_zeros(arm, Q, torque, config)
+    assert_allclose(weight_error(arm, Q + 0.3, zeros), np.zeros(7), atol=1e-6)
+    assert_allclose(weight_error(arm, Q, np.zeros(7)), np.zeros(7))

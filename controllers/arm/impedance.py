@@ -1,6 +1,6 @@
 """Operational-space impedance control on SE(3)."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from pydrake.common.value import Value
@@ -83,6 +83,22 @@ def impedance_wrench(state: ArmState, desired: DesiredMotion, gains: ImpedanceGa
         + gains.damping @ (desired.V_WE_E - state.V_WE_E)
         + gains.mass @ desired.A_WE_E
     )
+
+
+def bounded_damping(damping: Array, state: ArmState, rate: float) -> Array:
+    """Damping (6, 6) in E under which no motion of E decays faster than by `rate` [1/s].
+
+    V' = -J M^-1 J^T D V, whose rates are the eigenvalues of C^T D C with C C^T = J M^-1 J^T. A
+    digital damper acts a period late: what it would stop faster than that, it shakes.
+
+    Args:
+        damping: As wanted, symmetric.
+    """
+    C = np.linalg.solve(np.linalg.cholesky(state.M), state.J_E.T).T
+    rates, directions = np.linalg.eigh(C.T @ damping @ C)
+    is_fast = rates > rate
+    fast, W = rates[is_fast], damping @ C @ directions[:, is_fast]
+    return damping - (W * (fast - rate) / fast**2) @ W.T
 
 
 def posture_torque(state: ArmState, q_posture: Array, stiffness: float, damping: float) -> Array:
@@ -191,8 +207,9 @@ class ImpedanceController(LeafSystem):
             offset += config.period / config.tare_time * (arm.J_E.T @ spring + posture)
             zeros = likely_zeros(self._arm, arm.q, offset, config)
             rest = offset - weight_error(self._arm, arm.q, zeros)
-        torque = arm.J_E.T @ impedance_wrench(arm, desired, gains) + arm.tau_bias + offset
-        torque += posture
+        damping = bounded_damping(gains.damping, arm, 0.5 / config.period)
+        wrench = impedance_wrench(arm, desired, replace(gains, damping=damping))
+        torque = arm.J_E.T @ wrench + arm.tau_bias + offset + posture
         limit = config.torque_limit
         next_state.get_mutable_value(0)[:] = np.clip(torque, -limit, limit)
         next_state.get_mutable_value(self._offset)[:] = np.concatenate([rest, zeros])

@@ -19,6 +19,7 @@ class ArmState:
         X_WE: End-effector pose (4, 4).
         J_E: Jacobian (6, n) of the spatial velocity of E in W, expressed in E.
         V_WE_E: Spatial velocity (6,), [rad/s, m/s].
+        M: Inertia of the joints (n, n), [kg m^2].
         tau_bias: Coriolis minus gravity torques (n,), [N m]: what holds the arm still.
     """
 
@@ -27,6 +28,7 @@ class ArmState:
     X_WE: Array
     J_E: Array
     V_WE_E: Array
+    M: Array
     tau_bias: Array
 
 
@@ -67,7 +69,8 @@ class ArmModel:
         )
         tau_bias = plant.CalcBiasTerm(context) - plant.CalcGravityGeneralizedForces(context)
         q, v = joint_state[: self.num_joints], joint_state[self.num_joints :]
-        return ArmState(q=q, v=v, X_WE=X_WE, J_E=J_E, V_WE_E=J_E @ v, tau_bias=tau_bias)
+        M = plant.CalcMassMatrix(context)
+        return ArmState(q=q, v=v, X_WE=X_WE, J_E=J_E, V_WE_E=J_E @ v, M=M, tau_bias=tau_bias)
 
     def CalcHoldingTorque(self, q: Array) -> Array:
         """What carries the arm's weight at the joint positions `q` (n,): torques (n,), [N m]."""

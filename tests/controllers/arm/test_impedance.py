@@ -12,6 +12,7 @@ from crossmodal.controllers.arm.impedance import (
     ImpedanceConfig,
     ImpedanceController,
     ImpedanceGains,
+    bounded_damping,
     impedance_wrench,
     likely_zeros,
     posture_torque,
@@ -124,3 +125,16 @@ def test_a_torque_that_no_zero_explains_is_kept() -> None:
     zeros = likely_zeros(arm, Q, torque, config)
     assert_allclose(weight_error(arm, Q + 0.3, zeros), np.zeros(7), atol=1e-6)
     assert_allclose(weight_error(arm, Q, np.zeros(7)), np.zeros(7))
+
+
+def test_damping_stops_no_motion_faster_than_a_digital_damper_can() -> None:
+    state = arm_model().Evaluate(np.concatenate([Q, np.zeros(7)]))
+    to_acceleration = state.J_E @ np.linalg.solve(state.M, state.J_E.T)
+    A = np.random.default_rng(0).normal(size=(6, 6))
+    for damping in (A @ A.T, np.diag([1.0, 1.0, 1.0, 80.0, 80.0, 200.0]), np.zeros((6, 6))):
+        wanted = np.sort(np.linalg.eigvals(to_acceleration @ damping).real)
+        for rate in (0.5 * wanted.max() + 0.01, 2.0 * wanted.max() + 0.01):
+            bounded = bounded_damping(damping, state, rate)
+            rates = np.sort(np.linalg.eigvals(to_acceleration @ bounded).real)
+            assert_allclose(rates, np.minimum(wanted, rate), atol=1e-6 * rate)
+            assert_allclose(bounded, bounded.T, atol=1e-9)

@@ -1,16 +1,13 @@
 """A short episode, whole: the hand holds the handle by contact and pulls; its numbers repeat."""
 
-import json
-from pathlib import Path
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from pandas.testing import assert_frame_equal
 from pydrake.geometry import Box
 
 from crossmodal.diagrams.applications import load_scenario
 from crossmodal.diagrams.crossmodal.application import APPLICATION
-from crossmodal.diagrams.evaluation.run_writer import write_run
 from crossmodal.diagrams.joints.joint_metrics import (
     JointEpisode,
     configuration_since_grasp,
@@ -18,12 +15,8 @@ from crossmodal.diagrams.joints.joint_metrics import (
     opening_at,
 )
 from crossmodal.diagrams.run.episode import build_station, building, run_episode
-from crossmodal.diagrams.run.folder.run_folder import SUMMARY_FILE
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 from crossmodal.systems.port_values import JointType
-
-# The checksum of the report is among them, since the report says how long the episode took.
-TIMINGS = {"wall_time", "real_time_factor", "peak_memory", "tick", "report.html"}
 
 
 def short_episode(*overrides: str) -> JointEpisode:
@@ -36,20 +29,6 @@ def short_episode(*overrides: str) -> JointEpisode:
 @pytest.fixture(scope="module")
 def episode() -> JointEpisode:
     return short_episode()
-
-
-def without_timings(value: object) -> object:
-    if isinstance(value, dict):
-        return {k: without_timings(v) for k, v in value.items() if k not in TIMINGS}
-    if isinstance(value, list):
-        return [without_timings(item) for item in value]
-    return value
-
-
-def summary(episode: JointEpisode, folder: Path) -> dict:
-    results = APPLICATION.evaluate(episode.record)
-    write_run(folder, APPLICATION, episode.record, results)
-    return json.loads((folder / SUMMARY_FILE).read_text(encoding="utf-8"))
 
 
 def test_the_drawer_is_pulled_open_by_contact_alone(episode: JointEpisode) -> None:
@@ -91,10 +70,14 @@ def test_every_estimator_ticks_at_the_networks_rate(episode: JointEpisode) -> No
         assert len(record.tick_times) >= len(times) - 1
 
 
-def test_the_same_seed_gives_the_same_summary(episode: JointEpisode, tmp_path: Path) -> None:
-    again = short_episode()
-    first, second = summary(episode, tmp_path / "a"), summary(again, tmp_path / "b")
-    assert without_timings(first) == without_timings(second)
+def test_the_same_seed_gives_the_same_numbers(episode: JointEpisode) -> None:
+    again = short_episode("duration=5")  # The hand closes from 3 s on, and pulls from 4.5 s on.
+    columns = ["time", "modality", "quantity", "component", "estimate", "std"]
+    first, second = (APPLICATION.evaluate(e.record).estimates for e in (episode, again))
+    second = second[columns].reset_index(drop=True)
+    first = first[first.time <= second.time.max()][columns].reset_index(drop=True)
+    assert_frame_equal(first, second, check_exact=True, check_categorical=False)
+    assert len(first) > 2000
 
 
 @pytest.mark.parametrize("assignment", ["plant.contact_approximation=foo", "plant.scene=table.sdf"])

@@ -191,14 +191,14 @@ class HeldBodyMotion(RecursiveFilter):
 
     Prediction: the bent hand's displacement moves the body as far as the grasp transmits it,
     X_WB(t) = X_WH exp((I - N) log(X_WH^-1 X_WH(t))) X_WH^-1 X_WB, with X_WH = X_WE X_EH at t-1 and
-    the grasp's free motion N. Only displacements enter, so a constant offset of the end-effector
-    turns the path by its rotation and otherwise cancels. Without vision the prediction is the
-    belief. Once the grasp is believed to have failed and the body is not seen, where it would be is
-    no measurement any more (`BodyMotion.is_seen`), and from `GraspFailureConfig.certain` on nothing
-    is held, until the hand opens and closes again. With `corrected_by_vision`, the features that
-    rigid-body motion has assigned to the body are registered to their positions in it and correct
-    pose and constants; whenever there are too few of them (darkness), the prediction goes on from
-    the last posterior.
+    the grasp's free motion N if it has not failed. Only displacements enter, so a constant offset
+    of the end-effector turns the path by its rotation and otherwise cancels. Without vision the
+    prediction is the belief. Once the grasp is believed to have failed and the body is not seen,
+    where it would be is no measurement any more (`BodyMotion.is_seen`), and from
+    `GraspFailureConfig.certain` on nothing is held, until the hand opens and closes again. With
+    `corrected_by_vision`, the features that rigid-body motion has assigned to the body are
+    registered to their positions in it and correct pose and constants; whenever there are too few
+    of them (darkness), the prediction goes on from the last posterior.
 
     B has the world's axes and sits at Ho at the reference, the first tick of the interaction at
     which the encoders say where the hand is. The
@@ -261,9 +261,7 @@ class HeldBodyMotion(RecursiveFilter):
         if self._read(self._active, context)[0] > 0.5 and not stored.lost:
             end_effector = self._read(self._end_effector, context)
             bending = self._read(self._bending, context)
-            grasp = self._read(self._grasp, context)
-            if stored.is_doubted:
-                grasp = if_held(grasp)
+            grasp = if_held(self._read(self._grasp, context))
             hand = bent_hand(end_effector, bending)
             before = stored.body
             if before is not None:

@@ -432,6 +432,18 @@ def test_a_loss_that_is_hardly_likelier_than_none_is_not_for_good() -> None:
     np.testing.assert_allclose(doubted[-1].body.motion.X, without[-1].body.motion.X, atol=2e-3)
 
 
+def test_a_body_goes_with_a_hand_that_more_likely_holds_it_than_not() -> None:
+    """Also where no single way of holding it is as likely as a failure."""
+    scene = Scene(displacement=pull(), duration=5.0)
+    doubt = SlipBelief(log_odds=3.36)  # With the prior, a failure has p = 0.47.
+    doubted = run(scene, 0, vision=False, slip=lambda t: doubt if t >= 3.0 else NO_SLIP)
+    without = run(scene, 0, vision=False)
+    assert doubted[-1].grasp.type == GraspType.FAILED
+    assert doubted[-1].grasp.probabilities[GraspType.FAILED] < 0.5
+    assert doubted[-1].body.is_seen
+    np.testing.assert_allclose(doubted[-1].body.motion.X, without[-1].body.motion.X, atol=2e-3)
+
+
 @pytest.mark.parametrize("count", [3, 4])
 def test_few_features_that_agree_correct_the_body(count: int) -> None:
     """Three determine a pose, and a fourth could contradict it."""

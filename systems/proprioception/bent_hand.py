@@ -34,12 +34,15 @@ class FreeMotion:
 
 
 def free_motion(grasp: GraspBelief) -> FreeMotion:
-    """Reads a grasp that has not failed; the likeliest type decides, the others are doubts."""
-    slides = grasp.probabilities[GraspType.CYLINDRICAL]
-    turns = slides + grasp.probabilities[GraspType.REVOLUTE]
+    """Reads the grasp; the likeliest type decides, the others are doubts."""
+    held = max(1.0 - grasp.probabilities[GraspType.FAILED], 1e-9)
+    slides = grasp.probabilities[GraspType.CYLINDRICAL] / held
+    turns = slides + grasp.probabilities[GraspType.REVOLUTE] / held
     free = np.array([grasp.type != GraspType.PERFECT, grasp.type == GraspType.CYLINDRICAL])
     chance = np.clip([turns, slides], 0.0, 1.0)
     doubt = np.sqrt(np.where(free, 1.0 - chance, chance))
+    if grasp.type == GraspType.FAILED:
+        doubt = np.zeros(2)
     return FreeMotion(
         projection=grasp.free_motion,
         axis=grasp.axis_H,

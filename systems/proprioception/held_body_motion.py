@@ -191,10 +191,11 @@ class HeldBodyMotion(RecursiveFilter):
 
     Prediction: the bent hand's displacement moves the body as far as the grasp transmits it,
     X_WB(t) = X_WH exp((I - N) log(X_WH^-1 X_WH(t))) X_WH^-1 X_WB, with X_WH = X_WE X_EH at t-1 and
-    the grasp's free motion N if it has not failed. Only displacements enter, so a constant offset
-    of the end-effector turns the path by its rotation and otherwise cancels. Without vision the
-    prediction is the belief. Once the grasp is believed to have failed and the body is not seen,
-    where it would be is no measurement any more (`BodyMotion.is_seen`), and from
+    the grasp's free motion N. Only displacements enter, so a constant offset of the end-effector
+    turns the path by its rotation and otherwise cancels. N is that of a grasp that has not failed,
+    unless a failure is likelier than not and the body is seen, which then stays where it was.
+    Without vision the prediction is the belief. Once the grasp is believed to have failed and the
+    body is not seen, where it would be is no measurement any more (`BodyMotion.is_seen`), and from
     `GraspFailureConfig.certain` on nothing is held, until the hand opens and closes again. With
     `corrected_by_vision`, the features that rigid-body motion has assigned to the body are
     registered to their positions in it and correct pose and constants; whenever there are too few
@@ -261,7 +262,9 @@ class HeldBodyMotion(RecursiveFilter):
         if self._read(self._active, context)[0] > 0.5 and not stored.lost:
             end_effector = self._read(self._end_effector, context)
             bending = self._read(self._bending, context)
-            grasp = if_held(self._read(self._grasp, context))
+            grasp = self._read(self._grasp, context)
+            if stored.is_doubted or grasp.probabilities[GraspType.FAILED] < 0.5:
+                grasp = if_held(grasp)
             hand = bent_hand(end_effector, bending)
             before = stored.body
             if before is not None:

@@ -124,7 +124,6 @@ def test_a_torque_that_no_zero_explains_is_kept() -> None:
     torque = np.array([2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
     zeros = likely_zeros(arm, Q, torque, config)
     assert_allclose(weight_error(arm, Q + 0.3, zeros), np.zeros(7), atol=1e-6)
-    assert_allclose(weight_error(arm, Q, np.zeros(7)), np.zeros(7))
 
 
 def test_damping_stops_no_motion_faster_than_a_digital_damper_can() -> None:
@@ -138,3 +137,53 @@ def test_damping_stops_no_motion_faster_than_a_digital_damper_can() -> None:
             rates = np.sort(np.linalg.eigvals(to_acceleration @ bounded).real)
             assert_allclose(rates, np.minimum(wanted, rate), atol=1e-6 * rate)
             assert_allclose(bounded, bounded.T, atol=1e-9)
+
+
+def controller_at(q: np.ndarray, v: np.ndarray, error: np.ndarray) -> Simulator:
+    """A controller whose arm is off by `error` (6,) from its goal, before it tares."""
+    arm, controller = arm_model(), ImpedanceController(ImpedanceConfig(), arm_model(), q)
+    simulator = Simulator(controller)
+    state = arm.Evaluate(np.concatenate([q, np.zeros(7)]))
+    values = {"motion_desired": desired(state.X_WE @ se3.exp(error)), "gains_desired": gains(100.0)}
+    for name, value in values.items():
+        port = controller.GetInputPort(name)
+        port.FixValue(simulator.get_mutable_context(), AbstractValue.Make(value))
+    for name, numbers in (("joint_state_measured", np.concatenate([q, v])), ("tare", [0.0])):
+        controller.GetInputPort(name).FixValue(simulator.get_mutable_context(), numbers)
+    return simulator
+
+
+def test_what_was_tared_changes_with_the_posture_as_the_weight_does() -> None:
+    error, config = np.array([0.01, 0, 0, 0, 0.002, 0]), ImpedanceConfig()
+    simulator = controller_at(Q, np.zeros(7), error)
+    context, controller = simulator.get_mutable_context(), simulator.get_system()
+    controller.GetInputPort("tare").FixValue(context, [1.0])
+    simulator.AdvanceTo(config.tare_time - 0.5 * config.period)
+    controller.GetInputPort("tare").FixValue(context, [0.0])
+    arm, q = arm_model(), Q + 0.4
+    there = arm.Evaluate(np.concatenate([q, np.zeros(7)]))
+    motion = AbstractValue.Make(desired(there.X_WE))
+    controller.GetInputPort("motion_desired").FixValue(context, motion)
+    joint_state = np.concatenate([q, np.zeros(7)])
+    controller.GetInputPort("joint_state_measured").FixValue(context, joint_state)
+    simulator.AdvanceTo(config.tare_time + config.period)
+    spring = arm.Evaluate(np.concatenate([Q, np.zeros(7)])).J_E.T @ (100.0 * error)
+    zeros = likely_zeros(arm, Q, spring, config)
+    change = weight_error(arm, q, zeros) - weight_error(arm, Q, zeros)
+    posture = posture_torque(there, Q, config.posture_stiffness, config.posture_damping)
+    torque = controller.GetOutputPort("torque_commanded").Eval(context)
+    assert_allclose(torque, there.tau_bias + posture + spring + change, atol=1e-5)
+    assert np.abs(change).max() > 1e-3
+
+
+def test_the_torque_is_that_of_the_bounded_damping() -> None:
+    config, v = ImpedanceConfig(), np.full(7, 0.1)
+    simulator = controller_at(Q, v, np.zeros(6))
+    state = arm_model().Evaluate(np.concatenate([Q, v]))
+    damping = bounded_damping(100.0 * np.eye(6), state, 0.5 / config.period)
+    posture = posture_torque(state, Q, config.posture_stiffness, config.posture_damping)
+    expected = state.tau_bias + posture - state.J_E.T @ (damping @ state.V_WE_E)
+    simulator.AdvanceTo(0.5 * config.period)
+    torque = simulator.get_system().GetOutputPort("torque_commanded").Eval(simulator.get_context())
+    assert_allclose(torque, expected, atol=1e-6)
+    assert not np.allclose(damping, 100.0 * np.eye(6))

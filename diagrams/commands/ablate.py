@@ -17,7 +17,7 @@ def ablate_command(
     names: Annotated[
         list[str] | None,
         typer.Argument(
-            help="Flows to cut, see crossmodal list. [default: all of them]",
+            help="Ablations to run, see crossmodal list. [default: all of them]",
             autocompletion=complete_connection,
         ),
     ] = None,

@@ -30,7 +30,7 @@ def list_command() -> None:
                 typer.echo("Experiments (crossmodal evaluate NAME):")
             for name, experiment in application.experiments.items():
                 _line(name, experiment.description, width)
-        typer.echo("Flows of information (crossmodal ablate NAME):")
+        typer.echo("Ablations (crossmodal ablate NAME):")
         for name, ablation in ABLATIONS.items():
             _line(name, ablation.flow, width)
         typer.echo("Networks (crossmodal train NAME):")

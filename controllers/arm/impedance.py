@@ -57,8 +57,10 @@ NO_GAINS = ImpedanceGains(stiffness=_NAN, damping=_NAN, mass=_NAN)
 @dataclass(kw_only=True)
 class ImpedanceConfig:
     period: float = number(0.005, at_least=1e-4, at_most=1.0, unit="s")  # Update period.
-    # Of the null space.
-    posture_stiffness: float = number(4.0, at_least=0.0, at_most=1e4, unit="N m/rad")
+    # Of the null space. Encoders that are off tell wrongly in which directions the arm moves
+    # without its hand, so that the hand feels a part of this spring, and tilts on the bar that it
+    # holds. At 1 N m/rad the `torque_error` of the arm's weight moves the elbow by 0.3 rad.
+    posture_stiffness: float = number(1.0, at_least=0.0, at_most=1e4, unit="N m/rad")
     # Of the null space.
     posture_damping: float = number(0.4, at_least=0.0, at_most=1e4, unit="N m s/rad")
     torque_limit: float = number(60.0, above=0.0, at_most=1e4, unit="N m")  # Of every joint.

@@ -19,6 +19,7 @@ from crossmodal.controllers.arm.impedance import (
     weight_error,
 )
 from crossmodal.maths import se3
+from crossmodal.systems.sensors.joint_encoders import JointEncodersConfig, draw_joint_offset
 
 
 def gains(scale: float) -> ImpedanceGains:
@@ -43,6 +44,18 @@ def test_the_posture_torque_leaves_the_end_effector_alone() -> None:
     wrench, *_ = np.linalg.lstsq(state.J_E.T, tau, rcond=None)
     assert_allclose(wrench, np.zeros(6), atol=1e-9)
     assert np.linalg.norm(tau) > 0.01
+
+
+def test_encoders_that_are_off_let_the_hand_feel_little_of_the_posture() -> None:
+    arm, config, rng = arm_model(), ImpedanceConfig(), np.random.default_rng(0)
+    truth, felt = arm.Evaluate(np.concatenate([Q, np.zeros(7)])), []
+    for _ in range(60):
+        q = Q + draw_joint_offset(JointEncodersConfig(), truth.J_E, rng)
+        measured = arm.Evaluate(np.concatenate([q, np.zeros(7)]))
+        elbow = np.linalg.svd(measured.J_E)[2][-1]
+        tau = posture_torque(measured, q + 0.3 * elbow, config.posture_stiffness, 0.0)
+        felt.append(np.linalg.norm(np.linalg.lstsq(truth.J_E.T, tau, rcond=None)[0][:3]))
+    assert np.percentile(felt, 90) < 0.1  # [N m], what an error of the arm's weight makes it feel.
 
 
 def test_an_arm_at_its_goal_is_held_against_gravity_only() -> None:

@@ -92,8 +92,8 @@ class JointGraphState(Immutable):
         ticks: Number of this tick, from one on.
         seen: Which body of vision's the one in the hand is; joints of the held body, other than
             that with the seen one, are of the seen one's frame.
-        closed_at: X_PB of the held body where the hand closed, by its parent; of those joints that
-            it has taken over.
+        closed_at: X_PB of the held body where the hand closed, by its parent; of all that had
+            moved by then, where vision had seen the held body before.
         is_sighted: Whether features have shown the held body since the hand closed.
         health: Of the bodies' poses at this tick.
     """
@@ -295,7 +295,8 @@ def _handed_over(graph: JointGraphState, bodies: Mapping[int, BodyMotion]) -> Jo
     own = {
         (parent, HELD_BODY): replace(state, child_id=HELD_BODY) for parent, state in taken.items()
     }
-    closed_at = {parent: measured_pose((parent, seen), present)[0] for parent in taken}
+    parents = {STATIC_BODY, *present} - {seen, HELD_BODY}
+    closed_at = {parent: measured_pose((parent, seen), present)[0] for parent in parents}
     past = {**graph.past, HELD_BODY: graph.past[seen]}
     return replace(graph, pairs={**graph.pairs, **own}, past=past, closed_at=closed_at)
 

@@ -310,3 +310,21 @@ def test_features_tell_at_once_that_a_body_moves_which_the_hand_took_to_rest(res
     assert found.probabilities[JointType.RIGID] < 0.05
     way = _SPEED * 5 * _PERIOD
     assert_allclose(found.model.configuration[0], way, atol=1.5e-3)
+
+
+def test_what_the_hand_had_nudged_before_it_closed_is_no_part_of_the_travel_since_then() -> None:
+    """A closing hand pushes a box and its lid, which vision found second; then the lid goes on."""
+    joint, box, lid, driver = JointType.PRISMATIC, 2, 3, Driver(_model())
+    for k in range(1, _CLOSED + 61):
+        # A second after it has closed, vision has been told that the lid is what the hand holds.
+        is_known = k > _CLOSED + 15
+        bodies: list[BodyMotion] = [_seen(joint, min(k, _CLOSED), box, _FAR)]
+        if not is_known:
+            bodies.append(_seen(joint, k, lid))
+        if k >= _CLOSED:
+            bodies.append(_held(joint, k, is_seen=is_known))
+        driver.set(*bodies)
+        driver.tick()
+    model = _joint_of_held(driver, box).models[joint]
+    since_then = abs(model.configuration[0] - model.grasp_configuration)
+    assert since_then == pytest.approx(_SPEED * 60 * _PERIOD, abs=3e-3)

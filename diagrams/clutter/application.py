@@ -17,7 +17,7 @@ from crossmodal.diagrams.clutter.listing import LISTING
 from crossmodal.diagrams.clutter.meshcat_view import VIEWPOINT, add_view
 from crossmodal.diagrams.clutter.own_mesh import keep_files, own_mesh_assignments
 from crossmodal.diagrams.clutter.results.declutter_results import declutter_metrics
-from crossmodal.diagrams.clutter.results.results import evaluate, metrics
+from crossmodal.diagrams.clutter.results.results import evaluate, metrics, task_in_words
 from crossmodal.diagrams.clutter.scenario import (
     Scenario,
     object_names,
@@ -71,11 +71,13 @@ APPLICATION = Application(
         *(_OF_CLUTTER if scenario.clutter.count else []),
     ],
     evaluate=evaluate,
+    task_in_words=task_in_words,
     view=add_view,
     viewpoint=VIEWPOINT,
     film=lambda scenario: ["color_measured"] if scenario.station == "robots" else [],
     controls=make_controls,
     glossary=GLOSSARY,
+    portrait="stages.png",
     labels=LABELS,
     colors=COLORS,
     metrics=[*metrics(), *declutter_metrics()],

@@ -1,6 +1,7 @@
 """What can be changed of the clutter application on the live page."""
 
-from crossmodal.diagrams.clutter.scenario import Scenario
+from crossmodal.controllers.primitives.guarded_touch import GuardedTouchConfig
+from crossmodal.diagrams.clutter.scenario import Scenario, wanted_touches
 from crossmodal.diagrams.clutter.station.robot_control import (
     APPROACH_SPEED,
     CAMERA_PACE,
@@ -8,20 +9,28 @@ from crossmodal.diagrams.clutter.station.robot_control import (
     MOVE_PACE,
     TOUCH_PACE,
 )
-from crossmodal.diagrams.run.live.controls import Control
+from crossmodal.diagrams.clutter.station.robot_sensors import NUMB
+from crossmodal.diagrams.run.live.controls import Control, ControlKind
 from crossmodal.diagrams.stations.camera_controls import camera_controls
 
 
 def make_controls(scenario: Scenario) -> list[Control]:
-    """Of the robots; a rig has nothing to be changed."""
+    """Of the robots; a rig is at once where it measures, so that nothing of it can be changed."""
     if scenario.station != "robots":
         return []
-    touch = scenario.control.touch
+    clears = scenario.clutter.count > 0
     return [
-        *camera_controls(scenario.cameras),
+        *camera_controls(scenario.cameras, colour_is_read=clears),
         _pace("camera arm", CAMERA_PACE),
+        *([_pace("grasp, push", MOVE_PACE)] if clears else []),
+        *(_of_touches(scenario.control.touch) if wanted_touches(scenario) else []),
+        Control(name="silent: taxels", port=NUMB, kind=ControlKind.SWITCH),
+    ]
+
+
+def _of_touches(touch: GuardedTouchConfig) -> list[Control]:
+    return [
         _pace("touch arm", TOUCH_PACE),
-        *([_pace("grasp, push", MOVE_PACE)] if scenario.clutter.count else []),
         Control(
             name="approach [mm/s]",
             port=APPROACH_SPEED,

@@ -208,6 +208,11 @@ def object_names(scenario: Scenario) -> list[str]:
     return names_in_clutter(config, target_name(scenario), others, scenario.seed)[1:]
 
 
+def wanted_touches(scenario: Scenario) -> int:
+    """How many touches there are to be, those by lot and those that are chosen."""
+    return scenario.touches.random_touches + scenario.touches.chosen_touches
+
+
 def is_transparent(scenario: Scenario) -> bool:
     """Whether a camera looks through the object, so that what it sees behind says nothing."""
     if scenario.target.mesh:

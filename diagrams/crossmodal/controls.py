@@ -1,5 +1,6 @@
 """What can be changed of the cross-modal application on the live page."""
 
+from crossmodal.diagrams.crossmodal.modalities import sees
 from crossmodal.diagrams.crossmodal.scenario import Scenario
 from crossmodal.diagrams.crossmodal.station.station_control import PULL_SPEED
 from crossmodal.diagrams.run.live.controls import Control, ControlKind, silence
@@ -16,7 +17,7 @@ def make_controls(scenario: Scenario) -> list[Control]:
     )  # fmt: skip
     pulls = scenario.control.excitation is None
     return [
-        *camera_controls(scenario.cameras),
+        *(camera_controls(scenario.cameras, colour_is_read=True) if sees(scenario) else []),
         *([pulling] if pulls else []),
         Control(name="hand leaks", port=LEAK, kind=ControlKind.SWITCH),
         silence("depth", "depth_measured"),

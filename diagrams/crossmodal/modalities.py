@@ -3,6 +3,7 @@
 The colours are Paul Tol's bright scheme; those of the grasp's types are of his light one.
 """
 
+from crossmodal.diagrams.run.scenario import Scenario
 from crossmodal.systems.port_values import GraspType
 
 MODALITIES = ("vision", "proprioception", "crossmodal")
@@ -19,3 +20,8 @@ GRASP_COLORS = {
     str(GraspType.CYLINDRICAL): "#EEDD88",
     str(GraspType.FAILED): "#DDDDDD",
 }
+
+
+def sees(scenario: Scenario) -> bool:
+    """Whether any of a scenario's estimators reads the camera's images."""
+    return any(scenario.original(name) in SEEING for name in scenario.modalities)

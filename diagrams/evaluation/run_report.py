@@ -75,7 +75,7 @@ def run_page(
         title=heading,
         outcome=outcome,
         tone=tone,
-        portrait=(first, "") if first else None,
+        portrait=(first, f"{name_of(first)}: {scenario.description or heading}") if first else None,
         what=_what_was_done(application, scenario, summary),
         tables=[*tables, _events(summary)],
         columns=columns,

@@ -10,7 +10,7 @@ def make_controls(scenario: Scenario) -> list[Control]:
     """Of camera, finger and holder, and which streams are silent."""
     control = scenario.control
     return [
-        *camera_controls(scenario.cameras),
+        *camera_controls(scenario.cameras, colour_is_read=False),
         Control(
             name="finger force [N]", port=SET_FORCE, low=0.05, high=3.0, step=0.05,
             value=control.force,

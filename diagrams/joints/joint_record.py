@@ -28,10 +28,9 @@ from crossmodal.systems.port_values import MOVING_TYPES, BodyMotion, JointBelief
 # What a summary says of a joint where one was believed in, else null.
 _OF_A_BELIEF = (
     "type_estimated", "probability", "configuration_estimated", "configuration_std",
-    "configuration_error", "configuration_error_last_seen", "configuration_error_at_turn",
-    "configuration_inside_two_sigma", "axis_estimated", "axis_angle_error", "axis_angle_std",
-    "axis_angle_error_at_turn", "axis_inside_two_sigma", "axis_distance_error", "pitch",
-    "pitch_std", "pitch_error", "seen_until", "fit",
+    "configuration_error", "configuration_error_last_seen", "configuration_inside_two_sigma",
+    "axis_estimated", "axis_angle_error", "axis_angle_std", "axis_inside_two_sigma",
+    "axis_distance_error", "pitch", "pitch_std", "pitch_error", "seen_until", "fit",
 )  # fmt: skip
 _STILL_SEEN = 0.5  # An estimator that lost the joint longer ago claims nothing at the end, [s].
 
@@ -117,14 +116,15 @@ def _body_rows(body: BodyMotion, time: float, truth: Truth) -> list[Row]:
 
 
 def summarise_joint(
-    series: JointSeries, truth: Truth, exploration_end: float = math.inf
+    series: JointSeries, truth: Truth, exploration_end: float | None = None
 ) -> dict[str, Any]:
     """The last belief about the joint against the truth at the end of the episode, and on the way.
 
     Args:
         series: Of one estimator.
         truth: Over the episode.
-        exploration_end: Up to when the joint's turning point is looked for, [s].
+        exploration_end: Up to when the joint's turning point is looked for, [s]; None where the
+            robot is not to turn back, so that the summary has nothing of such a point.
     """
     opening = truth.opening()
     end = float(opening[-1]) if len(opening) else math.nan
@@ -140,11 +140,10 @@ def summarise_joint(
         **dict.fromkeys(_OF_A_BELIEF),
         "skipped": {},
     }
-    turn = turning_point(truth, exploration_end)
-    if turn is not None:
-        error, axis_error = error_at(series, float(truth.times[turn]))
-        summary["configuration_error_at_turn"] = error
-        summary["axis_angle_error_at_turn"] = axis_error
+    if exploration_end is not None:
+        turn = turning_point(truth, exploration_end)
+        errors = (None, None) if turn is None else error_at(series, float(truth.times[turn]))
+        summary["configuration_error_at_turn"], summary["axis_angle_error_at_turn"] = errors
     last = last_seen(series)
     if last is None:
         return summary

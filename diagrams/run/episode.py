@@ -179,7 +179,7 @@ class Episode:
         builder = DiagramBuilder()
         station = builder.AddNamedSystem("station", self.station.diagram)
         faults = scenario.disturbances.faults
-        controls = application.controls(scenario) if self._is_live else []
+        controls = self._controls(application) if self._is_live else []
         silenced = [control.port for control in controls if control.silences]
         heard = add_stream_faults(builder, station, faults, period, scenario.seed, silenced)
         self._stopwatches = {
@@ -232,11 +232,18 @@ class Episode:
                 self._video_file,
                 period,
             )
-        if not station.HasOutputPort(SCENE_PORT) and application.view is None:
+        is_drawn = station.HasOutputPort(SCENE_PORT) or application.view is not None
+        if not is_drawn and not self._is_live:
             self._meshcat = None
         if self._meshcat is not None:
             self._add_view(builder, application, self._meshcat, station, controls)
         self.diagram = builder.Build()
+
+    def _controls(self, application: Application) -> Sequence["Control"]:
+        """What a person may change in this run."""
+        from crossmodal.diagrams.run.live.controls import heard_controls
+
+        return heard_controls(application.controls(self._scenario), self.estimators.values())
 
     def _add_view(
         self,
@@ -254,6 +261,8 @@ class Episode:
         scenario, layers = self._scenario, Layers()
         spans = scenario.disturbances.spans()
         title = f"{scenario.name}, seed {scenario.seed}"
+        if self._is_live and not controls:
+            title += "; nothing in it can be changed by hand"
         self._events = EventText(EventBoard(meshcat), self.recorder, spans, title)
         if application.view is not None:
             layers = application.view(builder, scenario, meshcat, station, self.estimators)

@@ -21,7 +21,7 @@ from crossmodal.diagrams.clutter.results.gains import (
     touch_gains,
     view_gains,
 )
-from crossmodal.diagrams.clutter.scenario import Scenario, target_name
+from crossmodal.diagrams.clutter.scenario import Scenario, target_name, wanted_touches
 from crossmodal.diagrams.clutter.start import true_displacement
 from crossmodal.diagrams.evaluation.estimates import Row, estimates_table, vector
 from crossmodal.diagrams.run.application import Results
@@ -192,8 +192,7 @@ def _task_failure(record: EpisodeRecord, stages: Sequence[Mapping[str, Any]]) ->
 
     Where there is only something to be cleared away, why that was not done.
     """
-    touches = record.scenario.touches
-    wanted = touches.random_touches + touches.chosen_touches
+    wanted = wanted_touches(record.scenario)
     made = [stage["outcome"] for stage in stages if stage["stage"] == "touch"]
     status = record.station_values(STATUS_PORT)
     why = status[-1].note if status else ""
@@ -204,6 +203,19 @@ def _task_failure(record: EpisodeRecord, stages: Sequence[Mapping[str, Any]]) ->
     if record.scenario.clutter.count and not wanted and not record.scenario.views.count:
         return clearing_failure(record, why)
     return None
+
+
+def task_in_words(scenario: Scenario) -> str:
+    """What counts as done."""
+    wanted, conditions = wanted_touches(scenario), []
+    if wanted:
+        conditions.append(f"{wanted} touches have been made, or fewer because the pose had settled")
+        conditions.append("one of them has met the object")
+    elif scenario.clutter.count and not scenario.views.count:
+        conditions.append("an image shows nothing in the way of the target any more")
+    if scenario.station == "robots":
+        conditions.append("the object has truly not fallen over")
+    return f"Done: {', and '.join(conditions)}. How far the pose is off is a figure of its own."
 
 
 def _draw_gains(

@@ -21,7 +21,7 @@ from crossmodal.diagrams.clutter.robot_config import (
 from crossmodal.diagrams.clutter.station.wiring import StationWiring
 from crossmodal.diagrams.run.believed import arm_pose
 from crossmodal.diagrams.run.calibration import Calibration
-from crossmodal.diagrams.run.sensor_streams.stream_faults import add_stream_faults
+from crossmodal.diagrams.run.sensor_streams.stream_faults import add_stream_faults, faults_of
 from crossmodal.diagrams.stations.add_arm import add_encoders
 from crossmodal.diagrams.stations.add_cameras import (
     CameraCarrier,
@@ -42,7 +42,10 @@ from crossmodal.systems.registration.seen_arm import ARM
 from crossmodal.systems.sensors.finger_encoders import FingerEncoders
 from crossmodal.systems.sensors.joint_encoders import JointEncoders
 from crossmodal.systems.sensors.robot_mask import MaskedRobot
+from crossmodal.systems.sensors.stream_fault import BY_HAND
 from crossmodal.systems.sensors.taxel_array import TaxelArrayForces, TaxelArraySensor
+
+NUMB = "taxels_silenced"  # Input of the station, (1,) above 0.5 while its taxels say nothing new.
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,6 +108,8 @@ def add_sensors(
     wiring: StationWiring, arms: Mapping[str, MultibodyPlant], homes: Mapping[str, Array]
 ) -> RobotSensors:
     """Adds encoders, the camera and the taxels; exports windows of arms and taxels, and images.
+
+    The input `taxels_silenced` may stay unconnected.
 
     Args:
         arms: The arms alone, as they are, by their names.
@@ -172,13 +177,17 @@ def add_sensors(
     )
     builder.Connect(forces.get_output_port(), sensor.get_input_port())
     builder.ExportOutput(sensor.GetOutputPort("taxel_window"), "taxel_window")
+    taxels, period = "taxel_measured", config.taxels.period
+    felt = add_stream_faults(builder, sensor, [], period, scenario.seed, by_hand=[taxels])(taxels)
+    numb = builder.GetSubsystemByName(faults_of(taxels)).GetInputPort(BY_HAND)
+    builder.ExportInput(numb, NUMB)
     stamps = builder.GetSubsystemByName("image_stamps")
     images = ("color_measured", "depth_measured")
     faults = [fault for fault in scenario.disturbances.faults if fault.stream in images]
     heard = add_stream_faults(builder, stamps, faults, scenario.network_period, scenario.seed)
     return RobotSensors(
         encoders=encoders,
-        taxels=sensor.GetOutputPort("taxel_measured"),
+        taxels=felt,
         fingers=fingers,
         colour=heard("color_measured"),
         depth=heard("depth_measured"),

@@ -57,8 +57,8 @@ def make_robot_station(scenario: Scenario, calibration: Calibration) -> Station:
     `touch_latest`, `touch_end`, `depth_measured`, `color_measured`, `robot_mask`,
     `camera_joint_state_window`, `touch_joint_state_window`, `taxel_window`, `task_status`,
     `cheat_object_pose`, `cheat_query_object`. With clutter also `cheat_clutter_density`, and
-    `cheat_<name>_pose` of each object. Input ports: `object_pose`, and those of `add_control` and
-    `add_cameras`, which may stay unconnected.
+    `cheat_<name>_pose` of each object. Input ports: `object_pose`, and those of `add_control`,
+    `add_sensors` and `add_cameras`, which may stay unconnected.
 
     Args:
         scenario: With its seed, by which the object's pose, what lies around it, the noise of all

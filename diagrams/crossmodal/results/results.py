@@ -39,7 +39,7 @@ def evaluate(record: EpisodeRecord) -> Results:
     episode = joint_episode(record)
     task, truth = record.scenario.task, episode.truth
     phases = task_phases(task, truth, record.events)
-    exploration_end = turning_time(record.events)
+    exploration_end = turning_time(record.events) if task.return_to_start else None
     faults = fault_spans(record)
     grasp = grasp_episode(record)
     judged = can_be_judged(task, truth, record)
@@ -81,7 +81,7 @@ def evaluate(record: EpisodeRecord) -> Results:
     )
 
 
-def _summarise(episode: JointEpisode, name: str, exploration_end: float) -> dict[str, Any]:
+def _summarise(episode: JointEpisode, name: str, exploration_end: float | None) -> dict[str, Any]:
     series, ticks = episode.series[name], episode.record.estimators[name].ticks
     summary = summarise_joint(series, episode.truth, exploration_end)
     return summary | {"mechanics": summarise_mechanics(ticks, series, episode.truth)}

@@ -1,7 +1,7 @@
 """The sensors of a station and their connections: of touch and of vision."""
 
 from crossmodal.controllers.interaction.grasp_sequence import GraspSequence
-from crossmodal.diagrams.crossmodal.modalities import SEEING
+from crossmodal.diagrams.crossmodal.modalities import sees
 from crossmodal.diagrams.crossmodal.robot_config import ARM, HAND
 from crossmodal.diagrams.crossmodal.station.wiring import StationWiring
 from crossmodal.diagrams.stations.add_arm import add_encoders, add_wrist_wrench
@@ -42,10 +42,7 @@ def add_vision(wiring: StationWiring, encoders: JointEncoders, sequence: GraspSe
         sequence: Which says how far the hand is closed.
     """
     sensors = wiring.scenario.sensors
-    colour_is_read = any(
-        wiring.scenario.original(name) in SEEING for name in wiring.scenario.modalities
-    )
-    add_cameras(wiring, sensors.camera, colour_is_read)
+    add_cameras(wiring, sensors.camera, colour_is_read=sees(wiring.scenario))
     postures = {joint: (0.0, closed) for joint, closed in CLOSED_POSTURE.items()}
     robot = MaskedRobot(arm=ARM, arm_joints=ARM_JOINTS, hand=HAND, hand_posture=postures)
     add_robot_masks(

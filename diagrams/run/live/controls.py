@@ -1,6 +1,6 @@
 """Sliders of the live page that act on the simulation."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -77,6 +77,16 @@ class Control:
 def silence(name: str, stream: str) -> Control:
     """A switch that silences a stream, which people call `name`."""
     return Control(name=f"silent: {name}", port=stream, kind=ControlKind.SILENCE)
+
+
+def heard_controls(controls: Iterable[Control], estimators: Iterable[System]) -> list[Control]:
+    """Those that do something in a run: a silence does where an estimator reads its stream."""
+    estimators = tuple(estimators)
+    return [
+        control
+        for control in controls
+        if not control.silences or any(one.HasInputPort(control.port) for one in estimators)
+    ]
 
 
 class ControlValues(LeafSystem):

@@ -136,12 +136,13 @@ def stay(meshcat: Meshcat, is_over: Callable[[], bool]) -> bool:
         meshcat: The page.
         is_over: Whether the person at the terminal has had enough.
     """
-    clicks = meshcat.GetButtonClicks(NEXT)
+    # The session began with a new button and ended the episode at its first click: whatever it
+    # counts now came afterwards, maybe while the results were written.
     try:
-        while not is_over():
-            if meshcat.GetButtonClicks(NEXT) > clicks:
-                return True
+        while not meshcat.GetButtonClicks(NEXT):
+            if is_over():
+                return False
             time.sleep(_POLLING)
     except KeyboardInterrupt:
-        pass
-    return False
+        return False
+    return True

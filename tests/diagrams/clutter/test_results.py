@@ -8,10 +8,13 @@ from matplotlib.figure import Figure
 from pydrake.math import RigidTransform
 
 from crossmodal.diagrams.applications import load_scenario
+from crossmodal.diagrams.clutter.application import APPLICATION
 from crossmodal.diagrams.clutter.estimators import load_model
 from crossmodal.diagrams.clutter.results.gains import touch_gains, view_gains
 from crossmodal.diagrams.clutter.results.plots import draw_claim, draw_gains, draw_stages
 from crossmodal.diagrams.clutter.results.results import evaluate
+from crossmodal.diagrams.drawing.table import Table
+from crossmodal.diagrams.evaluation.words import words_of
 from crossmodal.diagrams.run.calibration import Calibration
 from crossmodal.diagrams.run.record import EpisodeRecord, EstimatorRecord, Tick
 from crossmodal.systems.active.touch_planning import expected_squared_distance
@@ -193,3 +196,27 @@ def test_without_the_truth_there_is_nothing_to_compare(record: EpisodeRecord) ->
     assert draw_stages(blind, 1) is None
     assert draw_claim(blind, 1, 12.6) is None
     assert draw_gains([], [], {}, "density", 1) is None
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("pose", "7 touches have been made"),
+        ("touches", "one of them has met the object. How far"),
+        ("declutter", "nothing in the way of the target any more, and the object has truly not"),
+    ],
+)
+def test_a_page_says_what_counts_as_done(name: str, words: str) -> None:
+    assert words in APPLICATION.task_in_words(load_scenario(name)[1])
+
+
+def test_every_word_that_a_page_explains_stands_in_a_table_or_in_what_is_printed() -> None:
+    titles = [[metric.title] for metric in APPLICATION.metrics]
+    table = Table(header=["", *APPLICATION.labels.values()], rows=titles)
+    printed = [
+        "grasp of the oil: placed (done)",
+        "density guess",
+        "density view 1",
+        "density touch 2",
+    ]
+    assert set(words_of(APPLICATION, [table], printed)) >= set(APPLICATION.glossary)

@@ -38,11 +38,13 @@ def test_it_begins_with_outcome_and_picture_and_says_what_was_done(tmp_path: Pat
     page = page_of(synthetic_episode(), tmp_path)
     order = ["drawer, seed 3", "The task was done.", 'src="figures/frames.png"',
              "Scenario: a robot pulls an unknown drawer open.", "20 cm", "The columns",
-             "<td>joint found</td>", "What was printed", "What the words mean",
+             "<summary>What the words mean", "<td>joint found</td>", "What was printed",
              'src="figures/errors.png"', 'href="summary.json"']  # fmt: skip
     places = [page.index(text) for text in order]
     assert places == sorted(places)
     assert page.count('src="figures/frames.png"') == 1
+    assert 'alt="frames: a robot pulls an unknown drawer open"' in page
+    assert "at the turning point" not in page  # This robot does not bring the drawer back.
     assert "above" in page[page.index("<dt>NEES</dt>") :].lower()
 
 

@@ -17,9 +17,21 @@ JOINT_KEYS = {"name", "type_true", "type_estimated", "probability", "configurati
               "axis_distance_error", "type_settled_at"}  # fmt: skip
 
 
-def joints_at_the_end(record: EpisodeRecord) -> dict[str, dict[str, Any]]:
+def joints_at_the_end(
+    record: EpisodeRecord, exploration_end: float | None = None
+) -> dict[str, dict[str, Any]]:
     episode = joint_episode(record)
-    return {name: summarise_joint(series, episode.truth) for name, series in episode.series.items()}
+    return {
+        name: summarise_joint(series, episode.truth, exploration_end)
+        for name, series in episode.series.items()
+    }
+
+
+def test_only_an_episode_that_turns_back_has_figures_of_its_turning_point() -> None:
+    for exploration_end in (None, 5.0):
+        for joint in joints_at_the_end(synthetic_episode(), exploration_end).values():
+            has = [key.endswith("_at_turn") for key in joint]
+            assert sum(has) == (0 if exploration_end is None else 2)
 
 
 def test_the_summary_compares_the_last_belief_with_the_end() -> None:
@@ -50,7 +62,7 @@ def test_a_modality_that_lost_the_joint_claims_nothing_at_the_end() -> None:
 
 
 def test_of_what_nobody_knows_no_error_is_claimed() -> None:
-    for joint in joints_at_the_end(without_truth(synthetic_episode())).values():
+    for joint in joints_at_the_end(without_truth(synthetic_episode()), 5.0).values():
         assert joint["type_true"] is None
         assert joint["type_estimated"] == "prismatic"
         assert np.isfinite(joint["configuration_estimated"])

@@ -8,11 +8,14 @@ from typing import Any
 
 import pandas as pd
 import pytest
+from pydrake.geometry import Meshcat
 from typer.testing import CliRunner
 
 from crossmodal.diagrams.applications import OWN, load_scenario
 from crossmodal.diagrams.command_line import app
 from crossmodal.diagrams.commands.endings import GentleInterrupt
+from crossmodal.diagrams.drawing.legend import EventBoard
+from crossmodal.diagrams.run.episode import Episode
 from crossmodal.diagrams.run.folder.fingerprint import fingerprint
 
 FILE = Path(__file__).with_name("pendulum.py")
@@ -88,6 +91,21 @@ def test_a_run_leaves_its_files(recorded: Path) -> None:
     table = read_estimates(recorded)
     assert set(table["modality"]) == {"stubborn", "open"}
     assert table.groupby("modality", observed=True).size().tolist() == [150, 150]
+
+
+def test_a_live_run_obeys_its_page_and_shows_events_although_nothing_is_drawn(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    shown: list[str] = []
+    monkeypatch.setattr(EventBoard, "show", lambda board, lines, time: shown.extend(lines))
+    application, scenario = load_scenario("swing")
+    episode = Episode(application, scenario, Meshcat(), is_live=True, begins_paused=True)
+    assert episode.session is not None
+    assert episode.session.is_paused
+    episode.session.wants_next = True
+    assert episode.Run().wants_next
+    assert shown[0] == "swing, seed 0; nothing in it can be changed by hand"
+    assert shown[-1].endswith("ended by hand")
 
 
 @pytest.mark.parametrize("estimator", ["stubborn", "open"])

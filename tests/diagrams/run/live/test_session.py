@@ -179,3 +179,9 @@ def test_the_page_stays_until_somebody_has_had_enough(
     assert not stay(session.meshcat, lambda: True)
     press_later(monkeypatch, session.meshcat, NEXT)
     assert stay(session.meshcat, lambda: False)
+
+
+def test_the_next_seed_may_be_asked_for_while_the_results_are_written(session: LiveSession) -> None:
+    session.close()
+    press(session.meshcat, NEXT)
+    assert stay(session.meshcat, lambda: True)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from crossmodal.diagrams.applications import find_application
+from crossmodal.diagrams.applications import find_application, resolved
 from crossmodal.diagrams.crossmodal.estimators import PROPRIOCEPTION_INPUTS, VISION_INPUTS
 from crossmodal.diagrams.crossmodal.modalities import FEELING, MODALITIES, SEEING
 from crossmodal.diagrams.crossmodal.robot_config import ARM
@@ -38,7 +38,6 @@ from crossmodal.diagrams.run.calibration import Calibration
 from crossmodal.diagrams.run.record import EpisodeRecord
 from crossmodal.diagrams.run.recorded_scenario import check_replaced
 from crossmodal.diagrams.run.replay import replay
-from crossmodal.diagrams.run.scenario import parse_scenario
 from crossmodal.diagrams.run.sensor_streams.codecs import nanoseconds
 from crossmodal.diagrams.run.sensor_streams.log import Stream
 from crossmodal.diagrams.run.yaml_input.loader import apply_override
@@ -105,11 +104,12 @@ def prepare(
         # Nobody says what was to be done.
         evaluate=lambda record: replace(simulated.evaluate(record), failure=None, judged=False),
     )
-    start, end, warnings = _span(found, chosen, scenario.modalities)
+    originals = [scenario.original(name) for name in scenario.modalities]
+    start, end, warnings = _span(found, chosen, originals)
     period = nanoseconds(scenario.network_period)  # The last tick counts, too.
     needed = [
         port
-        for modality in scenario.modalities
+        for modality in originals
         for inputs, having in ((VISION_INPUTS, SEEING), (PROPRIOCEPTION_INPUTS, FEELING))
         if modality in having
         for port in inputs
@@ -206,11 +206,12 @@ def _scenario(
     for assignment in overrides:
         apply_override(document, assignment)
     source = Path("the recording's scenario")
-    scenario = application.resolve(parse_scenario(application.scenario, document, source), source)
-    for modality in scenario.modalities:
-        if modality not in modalities:
+    scenario = resolved(application, document, source, overrides)
+    for name in scenario.modalities:
+        if scenario.original(name) not in modalities:
+            key = f"variants.{name}.of" if name in scenario.variants else "modalities"
             raise ScenarioError(
-                f"modalities: the recording has no streams for {modality};"
+                f"{key}: the recording has no streams for {scenario.original(name)};"
                 f" it has those for {', '.join(modalities)}"
             )
     return scenario

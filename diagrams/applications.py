@@ -141,14 +141,27 @@ def _load_scenario(
     if not isinstance(system, str):
         raise ScenarioError(f"{path}: system must be text, the name of an application")
     application = find_application(system, str(path))
-    schema = application.scenario
-    parsed = parse_scenario(schema, document, path)
-    variants = asked_for(parsed.variants, parsed.modalities, overrides)
-    parsed = replace(parsed, variants=with_files_found(variants, path))
-    scenario = application.resolve(parsed, path)
+    scenario = resolved(application, document, path, overrides)
     if units_known:
-        parse_scenario(schema, document, path, scenario.units)
+        parse_scenario(application.scenario, document, path, scenario.units)
     return application, scenario
+
+
+def resolved(
+    application: Application, document: Mapping[str, Any], path: Path, overrides: Sequence[str]
+) -> Any:
+    """The scenario that a mapping describes, checked, with the variants that run and their files.
+
+    Args:
+        path: Of its file.
+        overrides: Assignments `key.path=value` that the mapping already contains.
+
+    Raises:
+        ScenarioError: for values that no episode can have.
+    """
+    parsed = parse_scenario(application.scenario, document, path)
+    variants = asked_for(parsed.variants, parsed.modalities, overrides)
+    return application.resolve(replace(parsed, variants=with_files_found(variants, path)), path)
 
 
 @contextmanager

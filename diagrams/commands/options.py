@@ -10,6 +10,13 @@ SetOption = Annotated[
         "--set", metavar="KEY.PATH=VALUE", help="Replace one value of the scenario; repeatable."
     ),
 ]
+StreamOption = Annotated[
+    str,
+    typer.Option(
+        metavar="FILE.mcap|foxglove[:PORT]",
+        help="Images, frames and estimates for a viewer, live or as a file.",
+    ),
+]
 VerboseOption = Annotated[
     bool, typer.Option("-v", "--verbose", help="Print what happens, as log.txt will have it.")
 ]

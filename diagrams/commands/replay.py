@@ -6,9 +6,15 @@ from typing import Annotated
 import typer
 
 from crossmodal.diagrams.commands.endings import FAILED, INTERRUPTED, one_line_errors
-from crossmodal.diagrams.commands.options import ForceOption, QuietOption, SetOption, VerboseOption
+from crossmodal.diagrams.commands.options import (
+    ForceOption,
+    QuietOption,
+    SetOption,
+    StreamOption,
+    VerboseOption,
+)
 from crossmodal.diagrams.commands.run_log import RunLog
-from crossmodal.diagrams.commands.run_output import write_and_report
+from crossmodal.diagrams.commands.run_output import streaming, write_and_report
 
 EXAMPLES = (
     "Examples:  crossmodal run drawer --record-sensors --out runs/a, then"
@@ -46,6 +52,7 @@ def replay_command(
         Path | None, typer.Option(help="Folder. [default: RUN/replay, or the next free number]")
     ] = None,
     force: ForceOption = False,
+    stream: StreamOption = "",
     overrides: SetOption = None,
     verbose: VerboseOption = False,
     quiet: QuietOption = False,
@@ -58,7 +65,7 @@ def replay_command(
         log.begin("Loading the estimators and the recording")
         if not (run / "scenario.yaml").exists() and is_recording(run):
             status = _replay_recording(
-                run, robot, calibration, topics, out, overrides or [], log, force=force
+                run, robot, calibration, topics, out, stream, overrides or [], log, force=force
             )
             raise typer.Exit(status)
         _refuse_of_recordings(run, robot, calibration, topics)
@@ -75,12 +82,15 @@ def replay_command(
         numbered = out is None and not force
         with opened(out or run / "replay", force=force, numbered=numbered) as folder:
             title = f"{chosen.name}, seed {chosen.seed}"
-            with tqdm(desc=title, unit="tick", disable=True if quiet else None) as bar:
+            with (
+                streaming(stream, force=force) as sink,
+                tqdm(desc=title, unit="tick", disable=True if quiet else None) as bar,
+            ):
 
                 def progress(_: float) -> None:
                     bar.update()
 
-                record = replay(application, run, chosen, progress=progress)
+                record = replay(application, run, chosen, progress=progress, sink=sink)
             status = write_and_report(folder, application, record, log)
             if status == INTERRUPTED:  # Not this command, but the run that it replays.
                 status = FAILED
@@ -105,16 +115,24 @@ def _replay_recording(
     calibration: Path | None,
     topics: Path | None,
     out: Path | None,
+    stream: str,
     overrides: list[str],
     log: RunLog,
     *,
     force: bool,
 ) -> int:
     """Replays what is no run of this program; returns the exit status."""
+    from tempfile import TemporaryDirectory
+
+    from pydrake.common.yaml import yaml_dump_typed
     from tqdm import tqdm
 
     from crossmodal.diagrams.recordings.calibration_file import read_calibration
-    from crossmodal.diagrams.recordings.replay_recording import prepare
+    from crossmodal.diagrams.recordings.replay_recording import (
+        CALIBRATION_FILE,
+        TOPICS_FILE,
+        prepare,
+    )
     from crossmodal.diagrams.recordings.survey import survey
     from crossmodal.diagrams.recordings.topic_map import likely_topic_map, read_topic_map
     from crossmodal.diagrams.run.folder.run_folder import opened
@@ -132,17 +150,26 @@ def _replay_recording(
         with tqdm(desc="reading", unit="messages", leave=False, disable=hidden) as bar:
             found = survey(path, lambda _: bar.update())
         chosen = likely_topic_map(found) if topics is None else read_topic_map(topics, found)
-        ready = prepare(found, chosen, known, robot, overrides)
-        for line in ready.warnings:
-            typer.echo(f"crossmodal: warning: {line}", err=True)
-        place = out or Path("runs") / f"{path.stem}-replay"
-        with opened(place, force=force, numbered=out is None and not force) as folder:
-            with tqdm(desc=path.stem, unit="tick", disable=hidden) as bar:
+        place, numbered = out or Path("runs") / f"{path.stem}-replay", out is None and not force
+        with (
+            TemporaryDirectory() as copies,
+            opened(place, force=force, numbered=numbered) as folder,
+        ):
+            kept = {CALIBRATION_FILE: Path(copies, "0"), TOPICS_FILE: Path(copies, "1")}
+            for file, used in zip(kept.values(), (known, chosen), strict=True):
+                file.write_text(yaml_dump_typed(used), encoding="utf-8")
+            ready = prepare(found, chosen, known, robot, overrides, kept)
+            for line in ready.warnings:
+                typer.echo(f"crossmodal: warning: {line}", err=True)
+            with (
+                streaming(stream, force=force) as sink,
+                tqdm(desc=path.stem, unit="tick", disable=hidden) as bar,
+            ):
 
                 def progress(_: float) -> None:
                     bar.update()
 
-                record = ready.run(progress)
+                record = ready.run(progress, sink)
             return write_and_report(folder, ready.application, record, log)
     except RecordingError as error:
         raise ScenarioError(str(error)) from None

@@ -1,9 +1,7 @@
 """`crossmodal run`."""
 
-import contextlib
 import select
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,15 +9,20 @@ import typer
 
 from crossmodal.diagrams.commands.endings import GentleInterrupt, one_line_errors
 from crossmodal.diagrams.commands.listings import complete_scenario
-from crossmodal.diagrams.commands.options import ForceOption, QuietOption, SetOption, VerboseOption
+from crossmodal.diagrams.commands.options import (
+    ForceOption,
+    QuietOption,
+    SetOption,
+    StreamOption,
+    VerboseOption,
+)
 from crossmodal.diagrams.commands.run_log import RunLog
-from crossmodal.diagrams.commands.run_output import write_and_report
+from crossmodal.diagrams.commands.run_output import streaming, write_and_report
 
 if TYPE_CHECKING:
     from crossmodal.diagrams.run.application import Application
     from crossmodal.diagrams.run.record import EpisodeRecord
     from crossmodal.diagrams.run.scenario import Scenario
-    from crossmodal.diagrams.run.stream.sinks import Sink
 
 EXAMPLES = (
     "Examples:  crossmodal run drawer --seed 7 --meshcat   |   crossmodal run my.yaml"
@@ -100,13 +103,7 @@ def run_command(
     record_sensors: Annotated[
         bool, typer.Option("--record-sensors", help="Keep the sensor streams, for `replay`.")
     ] = False,
-    stream: Annotated[
-        str,
-        typer.Option(
-            metavar="FILE.mcap|foxglove[:PORT]",
-            help="Images, frames and estimates for a viewer, live or as a file.",
-        ),
-    ] = "",
+    stream: StreamOption = "",
     modalities: Annotated[
         str | None,
         typer.Option(
@@ -150,6 +147,12 @@ def run_command(
         }
         assignments[:0] = _own_object(scenario, assignments, own_object, scale, about_object)
         application, chosen = load_scenario(scenario, assignments)
+        if chosen.replay:
+            from crossmodal.diagrams.recordings.replay_recording import repeated_by
+            from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
+
+            again = repeated_by(chosen, Path(scenario).parent)
+            raise ScenarioError(f"{scenario}: is of a recording; repeat its replay by: {again}")
         if video:
             need_encoder()
         viewer = _start_meshcat(host, port, announce=meshcat) if meshcat or recording else None
@@ -158,7 +161,7 @@ def run_command(
             numbered = out is None and not force
             with opened(out or default_folder(chosen), force=force, numbered=numbered) as folder:
                 sensors_file = folder / SENSORS_FILE if record_sensors else None
-                with _sink(stream, force) as sink:
+                with streaming(stream, force=force) as sink:
                     record = _simulate(
                         application,
                         chosen,
@@ -183,19 +186,6 @@ def run_command(
                 if stream.endswith(".mcap"):
                     stream = f"{stream.removesuffix('.mcap')}-seed{chosen.seed}.mcap"
     raise typer.Exit(status)
-
-
-@contextlib.contextmanager
-def _sink(target: str, force: bool) -> Iterator["Sink | None"]:
-    """Where estimates are streamed to, if anywhere."""
-    if not target:
-        yield None
-        return
-    from crossmodal.diagrams.run.stream.sinks import opened_sink
-
-    with opened_sink(target, force=force) as sink:
-        typer.echo(f"Streaming to {sink.place}")
-        yield sink
 
 
 def _stays(viewer: Any) -> bool:

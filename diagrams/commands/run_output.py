@@ -1,5 +1,7 @@
 """What a run leaves behind: its files, a report and an exit status."""
 
+import contextlib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +13,20 @@ from crossmodal.diagrams.commands.run_log import RunLog
 if TYPE_CHECKING:
     from crossmodal.diagrams.run.application import Application, Results
     from crossmodal.diagrams.run.record import EpisodeRecord
+    from crossmodal.diagrams.run.stream.sinks import Sink
+
+
+@contextlib.contextmanager
+def streaming(target: str, *, force: bool) -> Iterator["Sink | None"]:
+    """Where estimates are streamed to, if anywhere."""
+    if not target:
+        yield None
+        return
+    from crossmodal.diagrams.run.stream.sinks import opened_sink
+
+    with opened_sink(target, force=force) as sink:
+        typer.echo(f"Streaming to {sink.place}")
+        yield sink
 
 
 def write_and_report(

@@ -12,6 +12,7 @@ EXAMPLES = (
     "Examples:  crossmodal run drawer --record-sensors --out runs/a, then"
     "  crossmodal stream runs/a --to a.mcap   |   crossmodal stream runs/a --to foxglove:8765"
     "   |   live: crossmodal run drawer --stream foxglove"
+    "   |   crossmodal replay kitchen.bag --robot wam --calibration my.yaml --stream a.mcap"
 )
 
 
@@ -30,7 +31,14 @@ def stream_command(
         from crossmodal.diagrams.applications import load_recorded
         from crossmodal.diagrams.run.replay import replay
         from crossmodal.diagrams.run.stream.sinks import McapFile, opened_sink
+        from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
+        from crossmodal.systems.recordings.open_recording import is_recording
 
+        if not (run / "scenario.yaml").exists() and is_recording(run):
+            raise ScenarioError(
+                f"{run}: is a recording: `crossmodal replay {run} --robot wam --calibration FILE"
+                f" --stream {to}` streams what is perceived in it"
+            )
         application, scenario = load_recorded(run, overrides or [])
         with (
             opened_sink(to, force=force) as sink,

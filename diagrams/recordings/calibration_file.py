@@ -98,20 +98,25 @@ class RecordedRobot:
         arm: Where its base is, and what its encoders are off by.
         errors: Standard deviations of what this may be off by.
         noise: Of the sensors.
+        world: What streams of estimates call the frame in which camera and arm are placed.
     """
 
     camera: RecordedCamera = field(default_factory=RecordedCamera)
     arm: RecordedArm = field(default_factory=RecordedArm)
     errors: CalibrationErrors = field(default_factory=realistic_errors)
     noise: SensorNoise = field(default_factory=SensorNoise)
+    world: str = "world"
 
-    def calibration(self, intrinsics: Intrinsics, arm: str, robot: ArmWithHand) -> Calibration:
+    def calibration(
+        self, intrinsics: Intrinsics, arm: str, robot: ArmWithHand, camera_frame: str = "camera"
+    ) -> Calibration:
         """What the estimators believe of the robot.
 
         Args:
             intrinsics: Of the images as they are perceived.
             arm: The arm's name.
             robot: Its model.
+            camera_frame: What streams of estimates call the camera's optical frame.
         """
         camera = Camera(
             intrinsics=intrinsics,
@@ -127,9 +132,10 @@ class RecordedRobot:
             joint_offset_std=np.full(model.num_positions(), self.arm.joint_offset),
         )
         return Calibration(
-            cameras={"camera": calibrated(camera, self.errors)},
+            cameras={camera_frame: calibrated(camera, self.errors)},
             arms={arm: believed},
             noise=self.noise,
+            world=self.world,
         )
 
 

@@ -28,6 +28,7 @@ class RecordingLog:
         scenario: Empty: the recording does not say it.
         end: The last instant, [s] since the start.
         interrupted: False: nobody says so.
+        start: The first tick, [ns] on the recording's axis.
 
     Args:
         found: What is in the recording.
@@ -51,7 +52,7 @@ class RecordingLog:
         self._path: Path = found.path
         self._sources = sources
         self.streams = [stream for stream in streams if stream.port in sources]
-        self._start = start
+        self.start = start
         self.end = 1e-9 * (end - start)
         self._by_topic: dict[str, list[Source]] = {}
         for source in sources.values():
@@ -71,7 +72,7 @@ class RecordingLog:
                 message = logged.decode()
                 time = clocks[logged.topic].time(stamp_of(message), logged.time)
                 # A log whose times stand still does not say how far it is.
-                yield max(logged.time, time), logged.topic, time - self._start, message
+                yield max(logged.time, time), logged.topic, time - self.start, message
 
     def read(self, time: float, period: float) -> dict[str, Any]:
         """Every port's value at the tick `time`, from the messages until then.
@@ -81,7 +82,7 @@ class RecordingLog:
         """
         now = nanoseconds(time)
         try:
-            while self._next is not None and self._next[0] - self._start <= now + self._late:
+            while self._next is not None and self._next[0] - self.start <= now + self._late:
                 _, topic, instant, message = self._next
                 for source in self._by_topic[topic]:
                     source.add(topic, instant, message)

@@ -1,13 +1,15 @@
 """A recording of a real robot drives the estimators of the simulated one."""
 
+import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from crossmodal.diagrams.applications import find_application
+from crossmodal.diagrams.applications import find_application, resolved
 from crossmodal.diagrams.crossmodal.estimators import PROPRIOCEPTION_INPUTS, VISION_INPUTS
 from crossmodal.diagrams.crossmodal.modalities import FEELING, MODALITIES, SEEING
 from crossmodal.diagrams.crossmodal.robot_config import ARM
@@ -38,7 +40,7 @@ from crossmodal.diagrams.run.calibration import Calibration
 from crossmodal.diagrams.run.record import EpisodeRecord
 from crossmodal.diagrams.run.recorded_scenario import check_replaced
 from crossmodal.diagrams.run.replay import replay
-from crossmodal.diagrams.run.scenario import parse_scenario
+from crossmodal.diagrams.run.scenario import Scenario
 from crossmodal.diagrams.run.sensor_streams.codecs import nanoseconds
 from crossmodal.diagrams.run.sensor_streams.log import Stream
 from crossmodal.diagrams.run.yaml_input.loader import apply_override
@@ -48,7 +50,11 @@ from crossmodal.plants.robots.wam import WAM_WITH_SOFT_HAND
 from crossmodal.systems.recordings.camera_info import CameraFacts, camera_facts, scaled
 from crossmodal.systems.recordings.images import size_of
 
+if TYPE_CHECKING:
+    from crossmodal.diagrams.run.stream.sinks import Sink
+
 ROBOTS: dict[str, ArmWithHand] = {"wam": WAM_WITH_SOFT_HAND}
+CALIBRATION_FILE, TOPICS_FILE = "calibration.yaml", "topics.yaml"  # Of a replay's folder.
 _APPLICATION = "crossmodal"
 _CHAMBERS = 4
 _APART = 0.02  # Images whose stamps differ by no more are of the same instant, [s].
@@ -62,13 +68,14 @@ class RecordedReplay:
     Attributes:
         application: With the calibration of the real robot.
         scenario: What perceives.
-        run: Runs it; given a function that is called with the time [s] at each tick.
+        run: Runs it; given a function that is called with the time [s] at each tick, and what takes
+            the stream for a viewer, each or None.
         warnings: What a user should know, a line each.
     """
 
     application: Application
     scenario: Any
-    run: Callable[[Callable[[float], None] | None], EpisodeRecord]
+    run: Callable[[Callable[[float], None] | None, "Sink | None"], EpisodeRecord]
     warnings: Sequence[str] = ()
 
 
@@ -78,6 +85,7 @@ def prepare(
     robot: RecordedRobot,
     name: str = "wam",
     overrides: Sequence[str] = (),
+    kept: Mapping[str, Path] = MappingProxyType({}),
 ) -> RecordedReplay:
     """Wires a recording to the estimators that have what they need.
 
@@ -87,6 +95,7 @@ def prepare(
         robot: Its calibration.
         name: Of the robot's model.
         overrides: Assignments `key.path=value` of what perceives.
+        kept: By their names in the replay's folder, files to be copied there.
 
     Raises:
         ScenarioError: where nothing can be perceived, or a value is impossible.
@@ -96,20 +105,26 @@ def prepare(
         raise ScenarioError(f"--robot '{name}': {suggestion(name, ROBOTS)}")
     modalities = _modalities(found.path, chosen)
     facts = _camera(found, chosen, robot)
-    calibration = robot.calibration(facts.intrinsics, ARM, ROBOTS[name])
+    frame = _camera_frame(found, chosen)
+    calibration = robot.calibration(facts.intrinsics, ARM, ROBOTS[name], frame)
     scenario = _scenario(found, chosen, robot, facts, modalities, overrides)
+    sets = [word for assignment in overrides for word in ("--set", assignment)]
+    called = shlex.join([str(found.path.resolve()), "--robot", name, *sets])
+    scenario = replace(scenario, replay=called)
     simulated = find_application(_APPLICATION, str(found.path))
     application = replace(
         simulated,
         make_calibration=lambda scenario: calibration,
+        keep_files=lambda scenario: (scenario, kept),
         # Nobody says what was to be done.
         evaluate=lambda record: replace(simulated.evaluate(record), failure=None, judged=False),
     )
-    start, end, warnings = _span(found, chosen, scenario.modalities)
+    originals = [scenario.original(name) for name in scenario.modalities]
+    start, end, warnings = _span(found, chosen, originals)
     period = nanoseconds(scenario.network_period)  # The last tick counts, too.
     needed = [
         port
-        for modality in scenario.modalities
+        for modality in originals
         for inputs, having in ((VISION_INPUTS, SEEING), (PROPRIOCEPTION_INPUTS, FEELING))
         if modality in having
         for port in inputs
@@ -122,10 +137,18 @@ def prepare(
         sources |= _own(found, chosen, streams, sources)
         return RecordingLog(found, sources, streams, start, end + period)
 
-    def run(progress: Callable[[float], None] | None) -> EpisodeRecord:
-        return replay(application, found.path, scenario, progress=progress, open_log=open_log)
+    def run(progress: Callable[[float], None] | None, sink: "Sink | None") -> EpisodeRecord:
+        return replay(
+            application, found.path, scenario, progress=progress, sink=sink, open_log=open_log
+        )
 
     return RecordedReplay(application=application, scenario=scenario, run=run, warnings=warnings)
+
+
+def repeated_by(scenario: Scenario, folder: Path) -> str:
+    """The command that repeats the replay that is in a folder."""
+    used = ["--calibration", folder / CALIBRATION_FILE, "--topics", folder / TOPICS_FILE]
+    return f"crossmodal replay {scenario.replay} {shlex.join(map(str, used))}"
 
 
 def _modalities(path: Path, chosen: TopicMap) -> list[str]:
@@ -161,6 +184,13 @@ def _camera(found: Survey, chosen: TopicMap, robot: RecordedRobot) -> CameraFact
         )
     width, height = size_of(found.topics[chosen.color].first)
     return replace(facts, intrinsics=scaled(facts.intrinsics, width, height))
+
+
+def _camera_frame(found: Survey, chosen: TopicMap) -> str:
+    """As its images name it, unless the recording's own TF says already where that frame is."""
+    said = str(found.topics[chosen.color].first.header.frame_id if chosen.color else "")
+    placed = {frame.lstrip("/") for each in found.topics.values() for frame in each.frames}
+    return "camera" if said.lstrip("/") in {"", *placed} else said.lstrip("/")
 
 
 def _any_camera() -> Any:
@@ -206,11 +236,12 @@ def _scenario(
     for assignment in overrides:
         apply_override(document, assignment)
     source = Path("the recording's scenario")
-    scenario = application.resolve(parse_scenario(application.scenario, document, source), source)
-    for modality in scenario.modalities:
-        if modality not in modalities:
+    scenario = resolved(application, document, source, overrides)
+    for name in scenario.modalities:
+        if scenario.original(name) not in modalities:
+            key = f"variants.{name}.of" if name in scenario.variants else "modalities"
             raise ScenarioError(
-                f"modalities: the recording has no streams for {modality};"
+                f"{key}: the recording has no streams for {scenario.original(name)};"
                 f" it has those for {', '.join(modalities)}"
             )
     return scenario

@@ -156,11 +156,15 @@ class ArmCalibration:
 
 @dataclass(frozen=True, kw_only=True)
 class Calibration:
-    """What a robot believes of itself: by name its cameras and arms, and its sensors' noise."""
+    """What a robot believes of itself: by name its cameras and arms, and its sensors' noise.
+
+    `world` is what viewers are to call the frame in which these stand.
+    """
 
     cameras: Mapping[str, CameraCalibration] = field(default_factory=dict)
     arms: Mapping[str, ArmCalibration] = field(default_factory=dict)
     noise: SensorNoise = field(default_factory=SensorNoise)
+    world: str = "world"
 
     @property
     def camera(self) -> CameraCalibration:

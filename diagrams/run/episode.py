@@ -482,6 +482,7 @@ def add_stream(
     station: System,
     estimators: Mapping[str, System],
     models: Mapping[str, Any],
+    start: int = 0,
 ) -> None:
     """Adds what sends images and estimates to a viewer.
 
@@ -489,10 +490,14 @@ def add_stream(
         sink: Takes the messages.
         station: What gives the images: the station, or a recording.
         models: Values like those of its ports.
+        start: What is added to the time since the start in all stamps, [ns].
     """
     from crossmodal.diagrams.run.stream.estimate_stream import EstimateStream
 
-    system = EstimateStream(sink, application, scenario, calibration, list(estimators), models)
+    quantities = recorded_quantities(application, scenario, estimators)
+    system = EstimateStream(
+        sink, application, scenario, calibration, quantities, list(estimators), models, start
+    )
     builder.AddNamedSystem("stream", system)
     connect_recorder(builder, station, estimators, system)
 

@@ -132,7 +132,9 @@ def replay(
     connect_recorder(builder, source, estimators, recorder)
     if sink is not None:
         held = {stream.port: stream.model for stream in log.streams}
-        add_stream(builder, sink, application, scenario, calibration, source, estimators, held)
+        add_stream(
+            builder, sink, application, scenario, calibration, source, estimators, held, log.start
+        )
     simulator = Simulator(builder.Build())
     simulator.Initialize()
     began = perf_counter()

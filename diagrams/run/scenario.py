@@ -160,6 +160,8 @@ class Scenario:
     calibration: CalibrationConfig = field(default_factory=CalibrationConfig)
     disturbances: Disturbances = field(default_factory=Disturbances)
     versions: dict[str, str] = field(default_factory=dict)  # Written into a run's folder.
+    # What `crossmodal replay` was given for a recording of a real robot, which cannot be simulated.
+    replay: str = ""
 
     def units(self) -> Mapping[str, str]:
         """Of values, by path, whose fields leave the unit open (`m or rad`) to the scenario."""

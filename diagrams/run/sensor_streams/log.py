@@ -105,8 +105,12 @@ def make_streams(
 
 
 class StreamLog(Protocol):
-    """Recorded streams that are read by instants, of our own or of a foreign recording."""
+    """Recorded streams that are read by instants, of our own or of a foreign recording.
 
+    `start` is the instant of the first tick by the recording's own clock, [ns].
+    """
+
+    start: int
     streams: list[Stream]
     scenario: str
     end: float
@@ -195,6 +199,7 @@ class SensorLog:
         scenario: What they are of, as text; empty where the file does not say it.
         end: Of the episode or, where the file does not say it, the last message's instant, [s].
         interrupted: Whether the file says that the episode did not come to its end.
+        start: Zero: the clock is that of the episode.
 
     Args:
         known: The streams to look for.
@@ -202,6 +207,8 @@ class SensorLog:
     Raises:
         ScenarioError: if it cannot be read.
     """
+
+    start = 0
 
     def __init__(self, path: Path, known: list[Stream]) -> None:
         self._path = path

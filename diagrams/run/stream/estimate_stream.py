@@ -11,13 +11,19 @@ from pydrake.systems.sensors import ImageDepth32F, ImageRgba8U
 from crossmodal.diagrams.run.application import Application
 from crossmodal.diagrams.run.calibration import Calibration, CameraCalibration
 from crossmodal.diagrams.run.folder.run_folder import without_nan
-from crossmodal.diagrams.run.record import TaskStatus, Tick
+from crossmodal.diagrams.run.record import Quantity, TaskStatus, Tick
 from crossmodal.diagrams.run.recorder import STATUS_PORT, declare_input, read_inputs
 from crossmodal.diagrams.run.sensor_streams.codecs import nanoseconds
-from crossmodal.diagrams.run.stream.messages import camera_info, image, markers, transforms
+from crossmodal.diagrams.run.stream.messages import (
+    camera_info,
+    image,
+    markers,
+    pose_with_covariance,
+    transforms,
+)
 from crossmodal.diagrams.run.stream.sinks import Sink
 from crossmodal.systems.object_models.articulated_object import ArticulatedObject
-from crossmodal.systems.port_values import MotionBelief, StampedImage
+from crossmodal.systems.port_values import MotionBelief, ObjectPose, StampedImage
 
 _GREY = "#888888"
 
@@ -58,6 +64,7 @@ class EstimateStream(LeafSystem):
     - an image's own, with `camera_info` beside it, when there is a new image;
     - `/tf`: the cameras, and `<estimator>/<body>` of each body that is perceived;
     - `/<estimator>/joints`, as JSON, and `/<estimator>/markers`, which draw them;
+    - `/<estimator>/object_pose`, where an object's pose is sought, once it is known, and its frame;
     - `/task`: what the robot does, as JSON.
 
     Input ports:
@@ -68,8 +75,10 @@ class EstimateStream(LeafSystem):
 
     Args:
         sink: Takes the messages.
+        quantities: Of the estimators.
         estimators: Names.
         models: Of the station's ports, by port, among which are the images.
+        start: What is added to the time since the start in all stamps, [ns].
     """
 
     def __init__(
@@ -78,11 +87,14 @@ class EstimateStream(LeafSystem):
         application: Application,
         scenario: Any,
         calibration: Calibration,
+        quantities: Sequence[Quantity],
         estimators: Sequence[str],
         models: Mapping[str, Any],
+        start: int = 0,
     ) -> None:
         super().__init__()
         self._sink, self._application = sink, application
+        self._world, self._start = calibration.world, start
         topics = application.topics(scenario)
         self._images = {
             port: (
@@ -96,7 +108,7 @@ class EstimateStream(LeafSystem):
         self._ports = {
             name: {
                 q.port: declare_input(self, f"{name}_{q.port}", q.model)
-                for q in application.quantities(scenario)
+                for q in quantities
                 if not q.estimators or name in q.estimators
             }
             for name in estimators
@@ -110,7 +122,7 @@ class EstimateStream(LeafSystem):
 
     def _send_station(self, context: Context) -> None:
         self._time = context.get_time()
-        now = nanoseconds(self._time)
+        now = self._start + nanoseconds(self._time)
         for name, (port, topic, (frame, camera)) in self._images.items():
             if not port.HasValue(context):
                 continue
@@ -118,7 +130,7 @@ class EstimateStream(LeafSystem):
             if value.time == self._seen.get(name) or not value.image.data.size:
                 continue
             self._seen[name] = value.time
-            taken = max(nanoseconds(value.time), 0)
+            taken = max(self._start + nanoseconds(value.time), 0)
             self._sink.write(topic, image(value.image.data, taken, frame), now)
             if camera is None:
                 continue
@@ -126,14 +138,14 @@ class EstimateStream(LeafSystem):
             self._sink.write(beside, camera_info(camera, taken, frame), now)
             X_WC = camera.X_PC.GetAsMatrix4() if camera.is_fixed else value.X_WC
             if np.isfinite(X_WC).all():
-                self._sink.write("/tf", transforms({frame: X_WC}, now), now)
+                self._sink.write("/tf", transforms({frame: X_WC}, now, self._world), now)
         status = read_inputs(self._status, context).get(STATUS_PORT, TaskStatus())
         if status.event and status.event != self._doing:
             self._doing = status.event
             self._sink.write("/task", {"time": self._time, "doing": status.event}, now)
 
     def _send_beliefs(self, context: Context) -> None:
-        now = nanoseconds(self._time)
+        now = self._start + nanoseconds(self._time)
         for name, ports in self._ports.items():
             tick = Tick(time=self._time, values=read_inputs(ports, context))
             poses = {
@@ -141,6 +153,12 @@ class EstimateStream(LeafSystem):
                 for port, value in tick.values.items()
                 if isinstance(value, MotionBelief)
             }
+            for port, value in tick.values.items():
+                if isinstance(value, ObjectPose) and value.known:
+                    topic = f"{name}/{port.removesuffix('_latest')}"
+                    poses[topic] = value.X_WO
+                    message = pose_with_covariance(value, now, self._world)
+                    self._sink.write(f"/{topic}", message, now)
             if self._application.perceived is not None:
                 self._known[name] = self._application.perceived(self._known[name], tick)
             found = self._known[name]
@@ -149,9 +167,10 @@ class EstimateStream(LeafSystem):
                 poses |= {f"{name}/{body.name}": body.X_WB for body in found.bodies}
                 color = self._application.colors.get(name, _GREY)
                 self._sink.write(f"/{name}/joints", joint_messages(found), now)
-                self._sink.write(f"/{name}/markers", markers(found, now, color), now)
+                drawn = markers(found, now, color, self._world)
+                self._sink.write(f"/{name}/markers", drawn, now)
             if poses:
-                self._sink.write("/tf", transforms(poses, now), now)
+                self._sink.write("/tf", transforms(poses, now, self._world), now)
 
 
 def _name_and_camera(calibration: Calibration, port: str) -> tuple[str, CameraCalibration | None]:

@@ -15,6 +15,7 @@ from crossmodal.systems.object_models.articulated_object import (
     ObjectBody,
     ObjectJoint,
 )
+from crossmodal.systems.port_values import ObjectPose
 
 STORE = get_typestore(Stores.ROS2_HUMBLE)
 WORLD = "world"
@@ -87,12 +88,12 @@ def camera_info(camera: CameraCalibration, now: int, frame: str) -> Any:
     )
 
 
-def transforms(poses: Mapping[str, Array], now: int) -> Any:
-    """Frames by name, with their poses (4, 4) in the world."""
+def transforms(poses: Mapping[str, Array], now: int, world: str = WORLD) -> Any:
+    """Frames by name, with their poses (4, 4) in the world, whose frame is called `world`."""
     each = [
         _make(
             "geometry_msgs/msg/TransformStamped",
-            header=header(now, WORLD),
+            header=header(now, world),
             child_frame_id=frame,
             transform=_make(
                 "geometry_msgs/msg/Transform",
@@ -105,6 +106,15 @@ def transforms(poses: Mapping[str, Array], now: int) -> Any:
     return _make("tf2_msgs/msg/TFMessage", transforms=each)
 
 
+def _pose(X: Array) -> Any:
+    x, y, z = map(float, X[:3, 3])
+    return _make(
+        "geometry_msgs/msg/Pose",
+        position=_make("geometry_msgs/msg/Point", x=x, y=y, z=z),
+        orientation=_quaternion(X),
+    )
+
+
 def _vector(v: Array) -> Any:
     x, y, z = map(float, v)
     return _make("geometry_msgs/msg/Vector3", x=x, y=y, z=z)
@@ -115,32 +125,52 @@ def _quaternion(X: Array) -> Any:
     return _make("geometry_msgs/msg/Quaternion", x=q.x(), y=q.y(), z=q.z(), w=q.w())
 
 
-def markers(found: ArticulatedObject, now: int, color: str) -> Any:
+def pose_with_covariance(belief: ObjectPose, now: int, world: str = WORLD) -> Any:
+    """Of the mesh's frame of an object whose pose is known; covariance by axes of the world."""
+    R, p = belief.X[:3, :3], belief.X[:3, :3] @ belief.middle
+    change = np.zeros((6, 6))  # From rotation in O and translation of the middle in W.
+    change[:3] = np.hstack([np.cross(p, R, axisb=0, axisc=0), np.eye(3)])
+    change[3:, :3] = R
+    covariance = change @ belief.covariance @ change.T
+    return _make(
+        "geometry_msgs/msg/PoseWithCovarianceStamped",
+        header=header(now, world),
+        pose=_make(
+            "geometry_msgs/msg/PoseWithCovariance",
+            pose=_pose(belief.X_WO),
+            covariance=covariance.ravel(),
+        ),
+    )
+
+
+def markers(found: ArticulatedObject, now: int, color: str, world: str = WORLD) -> Any:
     """Bodies as boxes and joints as arrows along their axes, with their names and configurations.
 
     Args:
         now: [ns]
         color: '#RRGGBB'.
+        world: What the world's frame is called.
     """
+    top = header(now, world)
     poses = {found.root: found.X_WR} | {body.name: body.X_WB for body in found.bodies}
     made: list[Any] = []
     for body, joint in zip(found.bodies, found.joints, strict=True):
         if np.isfinite([body.low, body.high]).all():
-            made.append(_box(body, now, color, len(made)))
+            made.append(_box(body, top, color, len(made)))
         if joint.moves:
-            made += _axis(joint, poses[joint.parent], body.X_WB, now, color, len(made))
+            made += _axis(joint, poses[joint.parent], body.X_WB, top, color, len(made))
     return _make("visualization_msgs/msg/MarkerArray", markers=made)
 
 
-def _box(body: ObjectBody, now: int, color: str, number: int) -> Any:
+def _box(body: ObjectBody, top: Any, color: str, number: int) -> Any:
     X_WC = body.X_WB.copy()
     X_WC[:3, 3] += X_WC[:3, :3] @ (0.5 * (body.low + body.high))
     size = np.maximum(body.high - body.low, _AXIS_WIDTH)
-    return _marker(_CUBE, X_WC, size, now, color, number, alpha=0.4)
+    return _marker(_CUBE, X_WC, size, top, color, number, alpha=0.4)
 
 
 def _axis(
-    joint: ObjectJoint, X_WP: Array, X_WB: Array, now: int, color: str, number: int
+    joint: ObjectJoint, X_WP: Array, X_WB: Array, top: Any, color: str, number: int
 ) -> list[Any]:
     """An arrow (x along it) from the joint's frame, and what is believed of the joint."""
     axis = X_WP[:3, :3] @ joint.axis_P
@@ -155,29 +185,24 @@ def _axis(
     X_WT[:3, 3] = p_WA + 0.5 * _AXIS_LENGTH * axis
     told = f"{joint.type} {joint.q:.3f} {'rad' if joint.turns else 'm'}"
     size = np.array([_AXIS_LENGTH, _AXIS_WIDTH, _AXIS_WIDTH])
-    arrow = _marker(_ARROW, X_WA, size, now, color, number)
-    return [arrow, _marker(_TEXT, X_WT, np.full(3, 0.03), now, color, number + 1, text=told)]
+    arrow = _marker(_ARROW, X_WA, size, top, color, number)
+    return [arrow, _marker(_TEXT, X_WT, np.full(3, 0.03), top, color, number + 1, text=told)]
 
 
 def _marker(
-    kind: int, X: Array, size: Array, now: int, color: str, number: int, *,
+    kind: int, X: Array, size: Array, top: Any, color: str, number: int, *,
     alpha: float = 1.0, text: str = "",
 ) -> Any:  # fmt: skip
     red, green, blue = (int(color[k : k + 2], 16) / 255.0 for k in (1, 3, 5))
-    x, y, z = map(float, X[:3, 3])
     nothing = np.zeros(0, np.uint8)
     return _make(
         "visualization_msgs/msg/Marker",
-        header=header(now, WORLD),
+        header=top,
         ns="perceived",
         id=number,
         type=kind,
         action=0,
-        pose=_make(
-            "geometry_msgs/msg/Pose",
-            position=_make("geometry_msgs/msg/Point", x=x, y=y, z=z),
-            orientation=_quaternion(X),
-        ),
+        pose=_pose(X),
         scale=_vector(size),
         color=_make("std_msgs/msg/ColorRGBA", r=red, g=green, b=blue, a=alpha),
         lifetime=_make("builtin_interfaces/msg/Duration", sec=0, nanosec=0),
@@ -185,9 +210,7 @@ def _marker(
         points=[],
         colors=[],
         texture_resource="",
-        texture=_make(
-            "sensor_msgs/msg/CompressedImage", header=header(now, ""), format="", data=nothing
-        ),
+        texture=_make("sensor_msgs/msg/CompressedImage", header=top, format="", data=nothing),
         uv_coordinates=[],
         text=text,
         mesh_resource="",

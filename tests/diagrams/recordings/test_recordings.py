@@ -1,5 +1,6 @@
 """Foreign recordings: what is said of them, how their streams are read, and what is refused."""
 
+import json
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -28,6 +29,7 @@ from crossmodal.diagrams.recordings.topic_map import (
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, load_typed
 from crossmodal.maths.pinhole import Intrinsics
 from crossmodal.systems.recordings.camera_info import CameraFacts
+from crossmodal.systems.recordings.open_recording import open_recording
 from crossmodal.systems.recordings.recording import RecordingError
 
 WIDTH, HEIGHT = 32, 24
@@ -276,6 +278,72 @@ def test_other_robots_and_settings_of_what_was_measured_are_refused(tmp_path: Pa
         prepare(found, chosen, RecordedRobot(), overrides=["task.opening=1"])
     with pytest.raises(ScenarioError, match="has no streams for crossmodal"):
         prepare(found, chosen, RecordedRobot(), overrides=["modalities=[crossmodal]"])
+
+
+@pytest.fixture(scope="module")
+def replayed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a recording, and its replay by two estimators, one of them a variant."""
+    folder = tmp_path_factory.mktemp("replayed")
+    rows = camera(6)
+    for row in rows:
+        row[2]["header"]["frame_id"] = "optical"
+    path = bag(folder, rows)
+    (folder / "my.yaml").write_text("{world: base_link, errors: {camera_rotation: 0.5 deg}}")
+    (folder / "mine.py").write_text(
+        "from crossmodal.systems.vision.camera.camera_motion import CameraMotion as Camera\n"
+    )
+    options = ["--robot", "wam", "--calibration", str(folder / "my.yaml")]
+    options += ["--out", str(folder / "out"), "--stream", str(folder / "stream.mcap")]
+    for assignment in (
+        "modalities=[vision, mine]",
+        "variants.mine.of=vision",
+        "variants.mine.replacements.camera_motion=mine.py:Camera",
+    ):
+        options += ["--set", assignment]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        result = CliRunner().invoke(app, ["replay", str(path), *options])
+    assert result.exit_code == 0, result.output
+    return folder
+
+
+def test_a_filter_of_ones_own_perceives_a_recording_beside_ours(replayed: Path) -> None:
+    summary = json.loads((replayed / "out/summary.json").read_text())
+    assert set(summary["modalities"]) == {"vision", "mine"}
+    assert "mine" in (replayed / "out/scenario.yaml").read_text()
+    found = survey(replayed / "x.bag")
+    with pytest.raises(ScenarioError, match=r"variants.mine.of: .*no streams for crossmodal"):
+        prepare(found, likely_topic_map(found), RecordedRobot(), overrides=[
+            "modalities=[mine]", "variants.mine.of=crossmodal"])  # fmt: skip
+
+
+def test_a_replay_is_streamed_in_the_recordings_own_times_and_frames(replayed: Path) -> None:
+    with open_recording(replayed / "stream.mcap") as stream:
+        found = [(each.topic, each.time, each.decode()) for each in stream.messages(stream.topics)]
+    (place, *_) = [message.transforms[0] for topic, _, message in found if topic == "/tf"]
+    assert (place.header.frame_id, place.child_frame_id) == ("base_link", "optical")
+    images = [message.header for topic, _, message in found if topic.endswith("color/image_raw")]
+    sent = {header.stamp.sec * 10**9 + header.stamp.nanosec for header in images}
+    assert sent
+    assert sent <= {START + 33 * MS * k for k in range(6)}
+    assert all(START <= time <= START + 1000 * MS for _, time, _ in found)
+    result = CliRunner().invoke(app, ["stream", str(replayed / "x.bag"), "--to", "a.mcap"])
+    assert result.exit_code == 2
+    assert "--stream a.mcap` streams what is perceived in it" in result.stderr
+
+
+def test_a_replays_folder_holds_what_repeats_it(replayed: Path) -> None:
+    out, found = replayed / "out", survey(replayed / "x.bag")
+    assert read_topic_map(out / "topics.yaml", found) == likely_topic_map(found)
+    robot = read_calibration(out / "calibration.yaml")
+    assert (robot.world, robot.errors.camera_rotation) == ("base_link", np.deg2rad(0.5))
+    files = json.loads((out / "summary.json").read_text())["files"]
+    assert {"topics.yaml", "calibration.yaml"} <= set(files)
+    result = CliRunner().invoke(app, ["run", str(out / "scenario.yaml")])
+    assert result.exit_code == 2
+    (line,) = result.stderr.splitlines()
+    assert f"crossmodal replay {replayed / 'x.bag'} --robot wam --set" in line
+    assert line.endswith(f"--calibration {out}/calibration.yaml --topics {out}/topics.yaml")
 
 
 def test_the_examples_of_the_page_can_be_read(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
+from mcap.reader import make_reader
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import PassThrough
 from ros_messages import header, image
@@ -15,7 +16,7 @@ from typer.testing import CliRunner
 from crossmodal.diagrams.applications import load_scenario
 from crossmodal.diagrams.command_line import app
 from crossmodal.diagrams.recordings.export_bag import export_bag
-from crossmodal.diagrams.recordings.survey import JOINTS
+from crossmodal.diagrams.recordings.survey import JOINTS, survey
 from crossmodal.diagrams.run.replay import check_recorded, replay
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 from crossmodal.systems.recordings.bag_writer import BagWriter
@@ -89,6 +90,7 @@ def test_a_camera_whose_exposure_jumps_shows_the_drawer_and_is_scored(tmp_path: 
     (tmp_path / "map.yaml").write_text(yaml.safe_dump(topics))
     options = ["--robot", "wam", "--calibration", calibration, "--out", str(tmp_path / "out")]
     options += ["--topics", str(tmp_path / "map.yaml")]
+    options += ["--stream", str(tmp_path / "stream.mcap")]
     result = CliRunner().invoke(app, ["replay", str(path), *options])
     assert result.exit_code == 0, result.output
     assert "Whether the task was done is not known" in result.output
@@ -103,6 +105,11 @@ def test_a_camera_whose_exposure_jumps_shows_the_drawer_and_is_scored(tmp_path: 
     assert joint["consistency"]["axis"] is None  # Nobody has measured where the axis is.
     came = pd.read_parquet(tmp_path / "out/estimates.parquet")
     assert set(came.modality) == {"vision"}
+    with (tmp_path / "stream.mcap").open("rb") as file:
+        sent = list(make_reader(file).iter_messages(topics=["/vision/joints"]))
+    begun = survey(path).topics[DEPTH].times[0]
+    ticks = np.unique(came.time[came.quantity == "configuration"])
+    assert {*(np.array([each[2].log_time for each in sent]) - begun)} >= {*np.round(1e9 * ticks)}
     last = came[came.time == came[came.quantity == "configuration"].time.max()]
     types = last[last.quantity == "type_probability"].set_index("component").estimate
     assert types.idxmax() == "prismatic"

@@ -73,7 +73,7 @@ def joints_command(
 
         from crossmodal.diagrams.commands.pose_files import vector_option
         from crossmodal.diagrams.joints.track_joint import described, write_results
-        from crossmodal.diagrams.run.folder.run_folder import write_text
+        from crossmodal.diagrams.run.folder.written_files import write_text
         from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
         from crossmodal.maths.compiled import COMPILING, compilation_timed
         from crossmodal.systems.compile_ahead import compile_ahead

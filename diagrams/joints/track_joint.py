@@ -145,7 +145,7 @@ def write_results(
     import yaml
 
     from crossmodal.diagrams.drawing.plot_style import save
-    from crossmodal.diagrams.run.folder.run_folder import write_atomically, write_text
+    from crossmodal.diagrams.run.folder.written_files import write_atomically, write_text
 
     text = yaml.safe_dump(as_values(found, notes), sort_keys=False, default_flow_style=None)
     figure = drawn(found, title)

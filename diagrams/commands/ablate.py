@@ -34,7 +34,8 @@ def ablate_command(
         from crossmodal.diagrams.crossmodal.studies.ablation_study import run_ablations
         from crossmodal.diagrams.crossmodal.studies.ablations import ABLATIONS, find_ablation
         from crossmodal.diagrams.evaluation.seeds import parse_seeds
-        from crossmodal.diagrams.run.folder.run_folder import make_folder, write_text
+        from crossmodal.diagrams.run.folder.run_folder import make_folder
+        from crossmodal.diagrams.run.folder.written_files import write_text
 
         chosen, numbers = names or list(ABLATIONS), parse_seeds(seeds)
         for name in chosen:

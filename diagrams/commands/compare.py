@@ -34,7 +34,7 @@ def compare_command(
             comparison_page,
             read_compared,
         )
-        from crossmodal.diagrams.run.folder.run_folder import write_text
+        from crossmodal.diagrams.run.folder.written_files import write_text
         from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 
         if len(folders) < 2:

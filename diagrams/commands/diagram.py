@@ -30,7 +30,7 @@ def diagram_command(
         from crossmodal.diagrams.applications import load_scenario
         from crossmodal.diagrams.drawing.diagram_drawing import diagram_dot, render_svg
         from crossmodal.diagrams.run.episode import build_estimators
-        from crossmodal.diagrams.run.folder.run_folder import write_text
+        from crossmodal.diagrams.run.folder.written_files import write_text
         from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, suggestion
 
         application, chosen = load_scenario(scenario, overrides or [])

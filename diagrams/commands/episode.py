@@ -13,7 +13,8 @@ import traceback
 from pathlib import Path
 
 from crossmodal.diagrams.evaluation.run_writer import evaluated, write_run
-from crossmodal.diagrams.run.folder.run_folder import SCENARIO_FILE, write_text
+from crossmodal.diagrams.run.folder.run_folder import SCENARIO_FILE
+from crossmodal.diagrams.run.folder.written_files import write_text
 from crossmodal.diagrams.run.process import ERROR_FILE
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line
 

@@ -42,7 +42,8 @@ def export_command(
     """Write the object as a run perceived it as a model, or what its sensors measured as a bag."""
     with one_line_errors():
         from crossmodal.diagrams.applications import load_scenario
-        from crossmodal.diagrams.run.folder.run_folder import SCENARIO_FILE, write_text
+        from crossmodal.diagrams.run.folder.run_folder import SCENARIO_FILE
+        from crossmodal.diagrams.run.folder.written_files import write_text
         from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, suggestion
         from crossmodal.systems.object_models.model_text import as_name
         from crossmodal.systems.object_models.sdf import sdf

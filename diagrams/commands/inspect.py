@@ -57,7 +57,7 @@ def inspect_command(
             return
         from crossmodal.diagrams.applications import load_scenario
         from crossmodal.diagrams.crossmodal.inspection.inspection import inspected
-        from crossmodal.diagrams.run.folder.run_folder import write_atomically
+        from crossmodal.diagrams.run.folder.written_files import write_atomically
         from crossmodal.diagrams.run.own_object import OwnObject
         from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from crossmodal.diagrams.commands.endings import one_line_errors
+from crossmodal.diagrams.commands.endings import FAILED, one_line_errors
 
 EXAMPLES = (
     "Examples:  crossmodal joints door.csv --to urdf   |   crossmodal joints first.tum second.tum"
@@ -24,8 +24,11 @@ def joints_command(
         ),
     ],
     parent: Annotated[
-        Path | None,
-        typer.Option(help="Poses of what it is joined to, in the same frame. [default: it rests]"),
+        list[Path] | None,
+        typer.Option(
+            help="Poses of what it is joined to, in the same frame; repeated, one for each FILE in"
+            " their order. [default: it rests]"
+        ),
     ] = None,
     topic: Annotated[
         str,
@@ -73,7 +76,7 @@ def joints_command(
 
         from crossmodal.diagrams.commands.pose_files import vector_option
         from crossmodal.diagrams.joints.track_joint import described, write_results
-        from crossmodal.diagrams.run.folder.run_folder import write_text
+        from crossmodal.diagrams.run.folder.written_files import write_text
         from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
         from crossmodal.maths.compiled import COMPILING, compilation_timed
         from crossmodal.systems.compile_ahead import compile_ahead
@@ -92,8 +95,12 @@ def joints_command(
         writers = {"": None, "urdf": to_urdf, "sdf": to_sdf}
         if to not in writers:
             raise ScenarioError(f"--to = '{to}', need urdf or sdf")
-        if (parent is not None or parent_topic) and len(files) > 1:
-            raise ScenarioError("--parent: goes with one file of poses")
+        parents = parent or (files if parent_topic else [])
+        if parents and len(parents) != len(files):
+            raise ScenarioError(
+                f"--parent: named {len(parents)} times for {len(files)} files of poses; give one"
+                " for each file, in the order of the files"
+            )
         folder = out or Path("runs/joints") / files[0].stem
         if (folder / "joint.yaml").exists() and not force:
             raise ScenarioError(f"{folder}: has results; replace them with --force, or name --out")
@@ -110,9 +117,12 @@ def joints_command(
                 return track if given is None else with_given(track, given)
 
             tracks = [read(file, topic) for file in files]
-            if parent is not None or parent_topic:
-                of_parent = read(parent or files[0], parent_topic)
-                tracks = [relative_track(of_parent, tracks[0])]
+            for k, path in enumerate(parents):
+                of_parent = read(path, parent_topic)
+                try:
+                    tracks[k] = relative_track(of_parent, tracks[k])
+                except ValueError as error:
+                    raise ValueError(f"{files[k]} with parent {path}: {error}") from None
             with compilation_timed(lambda: typer.echo(COMPILING, err=True)):
                 compile_ahead("joints")
             found = estimate_repeats(
@@ -120,15 +130,24 @@ def joints_command(
                 progress=lambda poses: tqdm(poses, "poses", leave=False, disable=None),
             )
             notes = doubts(found)
-            writer = writers[to]
-            model = writer(found, as_name(files[0].stem)) if writer is not None else ""
         except ValueError as error:
             raise ScenarioError(str(error)) from None
         typer.echo("\n".join([*described(found), *(f"note: {note}" for note in notes)]))
-        paths = write_results(found, notes, folder, files[0].stem)
-        if model:
-            paths.append(write_text(folder / f"joint.{to}", model))
+        origin = np.repeat([str(file) for file in files], [len(track.times) for track in tracks])
+        paths = write_results(found, notes, folder, files[0].stem, origin.tolist())
+        for form in ("urdf", "sdf") if force else ():  # Of earlier results.
+            (folder / f"joint.{form}").unlink(missing_ok=True)
+        no_model = ""
+        if writer := writers[to]:
+            try:
+                model = writer(found, as_name(files[0].stem))
+                paths.append(write_text(folder / f"joint.{to}", model))
+            except ValueError as error:
+                no_model = f"crossmodal: no joint.{to} is written: {error}"
         typer.echo("\nFiles:\n" + "\n".join(f"  {path}" for path in paths))
+        if no_model:
+            typer.echo(no_model, err=True)
+            raise typer.Exit(FAILED)
 
 
 def _named(columns: str) -> dict[str, str]:

@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from pydrake.math import RigidTransform, RollPitchYaw
 from scipy.spatial.transform import Rotation
 
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line
@@ -70,20 +69,19 @@ def vector_option(option: str, text: str, size: int) -> Array:
 
 def guessed(pose: Array, error: Array) -> PosePrior:
     """What `--guess` and `--guess-error` say."""
-    X = RigidTransform(RollPitchYaw(pose[3:]), pose[:3]).GetAsMatrix4()
+    X = np.eye(4)
+    X[:3, :3], X[:3, 3] = Rotation.from_euler("xyz", pose[3:]).as_matrix(), pose[:3]
     if np.any(error <= 0.0):
         raise ScenarioError("--guess-error: both must be above zero")
-    return PosePrior(
-        X=np.asarray(X), rotation_sigma=float(error[1]), translation_sigma=float(error[0])
-    )
+    return PosePrior(X=X, rotation_sigma=float(error[1]), translation_sigma=float(error[0]))
 
 
 def reported(belief: ObjectPose, model: TargetModel) -> list[str]:
     """The pose, how well it is known, and what else it may be, for people."""
     X = belief.X_WO
     position, deviation = X[:3, 3], np.sqrt(np.diag(belief.covariance))
-    x, y, z, w = Rotation.from_matrix(X[:3, :3]).as_quat()
-    angles = RollPitchYaw(RigidTransform(X).rotation()).vector()
+    rotation = Rotation.from_matrix(X[:3, :3])
+    (x, y, z, w), angles = rotation.as_quat(), rotation.as_euler("xyz")
 
     def numbers(values: Array, digits: int) -> str:
         return ", ".join(f"{value:+.{digits}f}" for value in values)

@@ -26,13 +26,8 @@ from crossmodal.diagrams.evaluation.metric_table import (
 from crossmodal.diagrams.evaluation.run_report import name_of, portrait_of
 from crossmodal.diagrams.evaluation.words import columns_of, words_of
 from crossmodal.diagrams.run.folder.fingerprint import program
-from crossmodal.diagrams.run.folder.run_folder import (
-    PAGE_FILE,
-    PLOT_FOLDER,
-    undrawn,
-    write_atomically,
-    write_text,
-)
+from crossmodal.diagrams.run.folder.run_folder import PAGE_FILE, PLOT_FOLDER, undrawn
+from crossmodal.diagrams.run.folder.written_files import write_atomically, write_text
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 
 CSV_FILE, TABLE_FILE = "results.csv", "table.md"

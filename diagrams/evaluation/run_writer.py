@@ -31,8 +31,8 @@ from crossmodal.diagrams.run.folder.run_folder import (
     undrawn,
     without_nan,
     write_scenario,
-    write_within,
 )
+from crossmodal.diagrams.run.folder.written_files import write_within
 from crossmodal.diagrams.run.own_code import place_of, told, traceback_of
 from crossmodal.diagrams.run.record import EpisodeRecord
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line

@@ -31,7 +31,10 @@ def described(found: JointEstimate) -> list[str]:
         lines.append(f"a door or lid, p = {belief.hinge_probability():.3f} (climbs < 5 mm/rad)")
     if found.moves:
         unit, factor = in_units(found)
-        low, high = (factor * limit for limit in found.limits)
+        low, high = (
+            f"{factor * limit:.2f} +- {factor * deviation:.2g}"
+            for limit, deviation in zip(found.limits, found.limits_deviation, strict=True)
+        )
         lines.append(
             f"axis {_vector(found.axis_P)} +- {np.rad2deg(found.axis_deviation):.2g} deg, in P"
         )
@@ -41,7 +44,7 @@ def described(found: JointEstimate) -> list[str]:
         if found.type == JointType.SCREW:
             spread = 1e3 * float(np.sqrt(model.pitch_variance))
             lines.append(f"pitch {1e3 * model.pitch:.3g} +- {spread:.2g} mm/rad")
-        lines.append(f"seen from {low:.2f} to {high:.2f} {unit}; the first pose is zero")
+        lines.append(f"seen from {low} to {high} {unit}; the first pose is zero")
     fit = belief.fit
     if fit is not None and np.isfinite(fit.reduced_chi_square):
         outliers = 100.0 * fit.outlier_share
@@ -89,6 +92,7 @@ def as_values(found: JointEstimate, notes: Sequence[str]) -> dict[str, Any]:
         "axis": plain(found.axis_P),
         "axis_covariance": plain(model.axis_covariance),
         "limits_seen": plain(np.array(found.limits)),
+        "limits_seen_deviation": plain(np.array(found.limits_deviation)),
         "screw": plain(found.S_P),
     }
     if found.type != JointType.PRISMATIC:
@@ -139,17 +143,21 @@ def drawn(found: JointEstimate, title: str) -> Figure:
 
 
 def write_results(
-    found: JointEstimate, notes: Sequence[str], folder: Path, title: str
+    found: JointEstimate, notes: Sequence[str], folder: Path, title: str, files: Sequence[str]
 ) -> list[Path]:
-    """`joint.yaml`, `configuration.csv` and `configuration.png` in a folder."""
+    """`joint.yaml`, `configuration.csv` and `configuration.png` in a folder.
+
+    Args:
+        files: That each pose is from (N,), for the table.
+    """
     import yaml
 
     from crossmodal.diagrams.drawing.plot_style import save
-    from crossmodal.diagrams.run.folder.run_folder import write_atomically, write_text
+    from crossmodal.diagrams.run.folder.written_files import write_atomically, write_text
 
     text = yaml.safe_dump(as_values(found, notes), sort_keys=False, default_flow_style=None)
     figure = drawn(found, title)
-    table = as_table(found)
+    table = as_table(found).assign(file=files)
     return [
         write_text(folder / "joint.yaml", text),
         write_atomically(

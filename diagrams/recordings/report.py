@@ -126,7 +126,7 @@ def written(found: Survey, folder: Path, *, force: bool) -> list[Path]:
     Raises:
         RecordingError: where one is there already and must not be replaced.
     """
-    from crossmodal.diagrams.run.folder.run_folder import write_text
+    from crossmodal.diagrams.run.folder.written_files import write_text
 
     texts = drafts(found)
     for name in texts:

@@ -187,12 +187,19 @@ def _unit(joint: ObjectJoint) -> str:
 def _limits_told(joint: ObjectJoint) -> list[str]:
     unit = _unit(joint)
     if not (joint.lower_is_stop or joint.upper_is_stop):
-        return [f"limits are what was seen, {joint.lower:.4g} to {joint.upper:.4g} {unit}"]
+        lower = _with_deviation(joint.lower, joint.lower_deviation)
+        upper = _with_deviation(joint.upper, joint.upper_deviation)
+        return [f"limits are what was seen, {lower} to {upper} {unit}"]
     lines = []
     for name, value, deviation, reached in (
         ("lower", joint.lower, joint.lower_deviation, joint.lower_is_stop),
         ("upper", joint.upper, joint.upper_deviation, joint.upper_is_stop),
     ):
-        how = f"an end stop, known to {deviation:.2g} {unit}" if reached else "what was seen"
-        lines.append(f"{name} limit {value:.4g} {unit} is {how}")
+        how = "an end stop" if reached else "what was seen"
+        lines.append(f"{name} limit {_with_deviation(value, deviation)} {unit} is {how}")
     return lines
+
+
+def _with_deviation(value: float, deviation: float) -> str:
+    known = f" +- {deviation:.2g}" if np.isfinite(deviation) else ""
+    return f"{value:.4g}{known}"

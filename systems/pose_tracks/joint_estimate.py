@@ -1,5 +1,6 @@
 """What a whole track says about the joint between two bodies."""
 
+from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -11,6 +12,7 @@ from crossmodal.maths.arrays import Array
 from crossmodal.maths.immutable import Immutable
 from crossmodal.systems.kinematics.joint_filters import JointFilters
 from crossmodal.systems.kinematics.joint_filters_config import JointFiltersConfig
+from crossmodal.systems.kinematics.pose_checks import pose_fault, time_fault
 from crossmodal.systems.object_models.articulated_object import screw_of
 from crossmodal.systems.port_values import JointBelief, JointModelBelief, JointType
 from crossmodal.systems.pose_tracks.pose_track import (
@@ -102,6 +104,14 @@ class JointEstimate(Immutable):
         low, high = np.quantile(seen, [0.005, 0.995])
         return float(min(low, 0.0)), float(max(high, 0.0))
 
+    @cached_property
+    def limits_deviation(self) -> tuple[float, float]:
+        """Standard deviations of q at the poses that are nearest to either of `limits`."""
+        if not np.isfinite(self.q).any():
+            return np.nan, np.nan
+        low, high = (np.nanargmin(np.abs(self.q - limit)) for limit in self.limits)
+        return float(self.q_deviation[low]), float(self.q_deviation[high])
+
     def pose(self, q: float) -> Array:
         """X_PB (4, 4) on the joint's path."""
         return np.asarray(se3.exp(self.S_P * q) @ self.X_PB_zero)
@@ -166,10 +176,15 @@ def estimate_track(
 ) -> JointEstimate:
     """The joint of a track; see `estimate`."""
     track = with_deviations(in_order_of_time(track))
-    known = np.isfinite(track.X_AB).all(axis=(1, 2)) & np.isfinite(track.times)
-    if known.sum() < 2:
-        raise ValueError("the track has less than two poses without NaN")
-    first = int(np.argmax(known))
+    faults = [
+        pose_fault(X) or time_fault(time, time)
+        for X, time in zip(track.X_AB, track.times, strict=True)
+    ]
+    if faults.count(None) < 2:
+        reasons = Counter(fault for fault in faults if fault is not None).most_common(1)
+        why = "".join(f"; of {count}: {reason}" for reason, count in reasons)
+        raise ValueError(f"less than two of {len(faults)} poses can be used{why}")
+    first = faults.index(None)
     filters = JointFilters(config or JointFiltersConfig())
     R = [np.diag(sigma**2) for sigma in track.deviations]
     state = filters.start(track.X_AB[first], R[first], float(track.times[first]))

@@ -22,6 +22,7 @@ def as_object(found: JointEstimate) -> ArticulatedObject:
     if found.type == JointType.DISCONNECTED:
         raise ValueError("the body is disconnected, so that there is no joint to write")
     model, (lower, upper) = found.model, found.limits
+    lower_deviation, upper_deviation = found.limits_deviation
     joint = ObjectJoint(
         name="joint",
         parent="parent",
@@ -34,6 +35,8 @@ def as_object(found: JointEstimate) -> ArticulatedObject:
         X_PB_zero=found.X_PB_zero,
         lower=lower,
         upper=upper,
+        lower_deviation=lower_deviation,
+        upper_deviation=upper_deviation,
         axis_deviation=found.axis_deviation,
         position_deviation=float(np.sqrt(np.trace(model.p_PA_covariance))),
         pitch=model.pitch,

@@ -1,6 +1,7 @@
 """Poses over time as a tracker gives them, and how well it measures them."""
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,6 +17,8 @@ _LEAST = np.repeat([1e-3, 1e-4], 3)  # [rad], [m]
 _SECOND_DIFFERENCE = 1.5
 _JUMPS = 0.1  # Of the steps in time, at most, that go back because a clock has jumped.
 _STAMPS = 1e8  # Larger times are stamps since 1970, [s].
+_UNIT = 0.1  # Largest error of a quaternion's norm.
+_COLUMNS = ("time", "x", "y", "z", "qx", "qy", "qz", "qw")
 _MEDIAN_OF_TWO = 2.0 * np.log(2.0)  # Median of the sum of two squared standard normal variables.
 
 
@@ -54,7 +57,8 @@ def pose_track(times: Array, poses: Array, deviations: Array | None = None) -> P
             [m]. Estimated from the track if None.
 
     Raises:
-        ValueError: for arrays of other shapes, and for deviations that are not positive.
+        ValueError: for arrays of other shapes, for less than two positions or quaternions that can
+            be used, and for deviations that are not positive.
     """
     times, poses = np.asarray(times, dtype=float), np.asarray(poses, dtype=float)
     count = len(times) if times.ndim == 1 else -1
@@ -64,6 +68,8 @@ def pose_track(times: Array, poses: Array, deviations: Array | None = None) -> P
             f"poses have shape {poses.shape} and times {times.shape}; need times (N,) and poses"
             " (N, 4, 4), (N, 7) with quaternions qx, qy, qz, qw, or positions (N, 3)"
         )
+    if poses.ndim == 2:
+        refuse_unusable(times, poses)
     has_rotations = shapes[poses.shape]
     X_AB = poses.copy() if poses.ndim == 3 else _matrices(poses)
     sigma = np.full((count, 6), np.nan)
@@ -84,13 +90,54 @@ def pose_track(times: Array, poses: Array, deviations: Array | None = None) -> P
     return PoseTrack(times=times, X_AB=X_AB, deviations=sigma)
 
 
+def refuse_unusable(
+    times: Array, poses: Array, source: str = "", lines: Sequence[int] = ()
+) -> None:
+    """Says what is wrong with most poses where less than two can be used.
+
+    Args:
+        times: (N,), [s].
+        poses: Positions (N, 3), or positions with quaternions (N, 7).
+        source: What the message begins with, such as a file's name.
+        lines: In that file (N,), if it is a text.
+
+    Raises:
+        ValueError: where less than two have a time, a position and, if any has one, a rotation.
+    """
+    columns = dict(zip(_COLUMNS, np.column_stack([times, poses]).T, strict=False))
+    wrong = {f"{name} is no number": ~np.isfinite(each) for name, each in columns.items()}
+    norms = np.linalg.norm(poses[:, 3:], axis=1)
+    if poses.shape[1] == 7:
+        wrong["norm"] = np.abs(norms - 1.0) > _UNIT
+    count = len(poses)
+    if count - np.any(list(wrong.values()), axis=0).sum() >= 2:
+        return
+    reason, where = max(wrong.items(), key=lambda item: item[1].sum())
+    first = int(np.argmax(where))
+    if reason == "norm":
+        reason = (
+            f"the quaternion has norm {norms[first]:.3g} instead of 1; divide quaternions by their"
+            " norm, or leave them out and give positions alone"
+        )
+    elif lines:
+        reason += "; write it with a decimal point, or name another column"
+    place = f"line {lines[first]}" if lines else f"pose {first}"
+    start = f"{source}: " if source else ""
+    if not where.any():
+        raise ValueError(f"{start}one pose shows no joint; give two or more")
+    raise ValueError(
+        f"{start}less than two poses can be used: in {where.sum()} of {count}, first in {place},"
+        f" {reason}"
+    )
+
+
 def _matrices(poses: Array) -> Array:
     """(N, 4, 4) of positions (N, 3), or of positions with quaternions (N, 7)."""
     X = np.tile(np.eye(4), (len(poses), 1, 1))
     X[:, :3, 3] = poses[:, :3]
     if poses.shape[1] == 7:
         norm = np.linalg.norm(poses[:, 3:], axis=1)
-        known = np.isfinite(poses).all(axis=1) & (np.abs(norm - 1.0) < 0.1)
+        known = np.isfinite(poses).all(axis=1) & (np.abs(norm - 1.0) < _UNIT)
         X[~known] = np.nan
         if known.any():
             X[known, :3, :3] = Rotation.from_quat(poses[known, 3:]).as_matrix()
@@ -166,17 +213,23 @@ def relative_track(parent: PoseTrack, child: PoseTrack) -> PoseTrack:
     result's deviations are larger.
 
     Raises:
-        ValueError: for a parent without rotations, or one that was not measured while the child
-            was.
+        ValueError: for a parent without rotations, or one that was not measured at two of the
+            child's poses.
     """
     if not parent.has_rotations:
         raise ValueError("the parent's track has no rotations, which its frame needs")
     parent, child = with_deviations(parent), with_deviations(child)
     known = np.isfinite(parent.X_AB).all(axis=(1, 2))
     times, first = np.unique(parent.times[known], return_index=True)
-    inside = (child.times >= times[0]) & (child.times <= times[-1]) if len(times) else np.zeros(0)
-    if len(times) < 2 or not inside.any():
-        raise ValueError("the parent's track and the child's have no time in common")
+    if len(times) < 2:
+        raise ValueError("the parent's track has less than two poses without NaN")
+    inside = (child.times >= times[0]) & (child.times <= times[-1])
+    seen = inside & np.isfinite(child.X_AB).all(axis=(1, 2))
+    if seen.sum() < 2:
+        raise ValueError(
+            "the parent's track and the child's have less than two times in common; their clocks"
+            " need to be the same"
+        )
     X_AP = np.tile(np.eye(4), (int(inside.sum()), 1, 1))
     at = child.times[inside]
     poses = parent.X_AB[known][first]

@@ -10,7 +10,7 @@ import numpy as np
 
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.git_lfs import STANDS_FOR_ANOTHER, is_lfs_pointer
-from crossmodal.systems.pose_tracks.pose_track import PoseTrack, pose_track
+from crossmodal.systems.pose_tracks.pose_track import PoseTrack, pose_track, refuse_unusable
 from crossmodal.systems.recordings.open_recording import is_recording
 from crossmodal.systems.recordings.pose_topics import read_poses
 
@@ -68,7 +68,8 @@ def read_track(
         topic: Of a bag with several topics of poses; of TF `TOPIC:CHILD`, a frame in its parent.
 
     Raises:
-        ValueError: for a file that is none of these, in one line that names it.
+        ValueError: for a file that is none of these, or has less than two poses that can be used,
+            in one line that names it.
         OSError: where it cannot be read.
     """
     for name, value in (("scale", scale), ("time scale", time_scale)):
@@ -78,6 +79,7 @@ def read_track(
         if columns or rate is not None:
             raise ValueError(f"{path}: is a bag, in which columns and a rate name nothing")
         stamps, found_poses = read_poses(path, topic)
+        refuse_unusable(stamps, found_poses, str(path))
         found_poses[:, :3] *= scale
         return pose_track(stamps, found_poses)
     if not path.is_file():
@@ -92,16 +94,19 @@ def read_track(
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except UnicodeDecodeError:
         raise ValueError(f"{path}: is no text; tracks are CSV or TUM files") from None
-    rows = [line.split("#", 1)[0] for line in lines]
-    rows = [row for row in rows if row.strip()]
+    rows = {k: line.split("#", 1)[0] for k, line in enumerate(lines, 1)}
+    rows = {k: row for k, row in rows.items() if row.strip()}
     if not rows:
         raise ValueError(f"{path}: has no poses")
+    numbers, first = list(rows), next(iter(rows.values()))
     if rate is not None and not (np.isfinite(rate) and rate > 0.0):
         raise ValueError(f"rate = {rate:g} Hz, need above 0")
-    separator = next((mark for mark in ",;\t" if mark in rows[0]), None)
-    cells = [_split(row, separator) for row in rows]
-    header = cells[0] if not _are_numbers(cells[0]) else None
-    table = _numbers(path, cells[1:] if header else cells, lines)
+    separator = next((mark for mark in ",;\t" if mark in first), None)
+    cells = [_split(row, separator) for row in rows.values()]
+    header = None
+    if not _are_numbers(cells[0]):
+        header, cells, numbers = cells[0], cells[1:], numbers[1:]
+    table = _numbers(path, cells, numbers)
     if header is None and columns:
         raise ValueError(f"{path}: has no header, so that columns cannot be named")
     notes = []
@@ -135,6 +140,7 @@ def read_track(
                 " the --rate"
             )
         times = np.arange(len(poses)) / rate
+    refuse_unusable(times, poses, str(path), numbers)
     poses[:, :3] *= scale
     return replace(pose_track(_seconds(times, time_scale), poses), notes=tuple(notes))
 
@@ -153,8 +159,8 @@ def _are_numbers(cells: Sequence[str]) -> bool:
     return any(cells)
 
 
-def _numbers(path: Path, rows: Sequence[Sequence[str]], lines: Sequence[str]) -> Array:
-    """The table (N, columns); cells without a number are NaN.
+def _numbers(path: Path, rows: Sequence[Sequence[str]], lines: Sequence[int]) -> Array:
+    """The table (N, columns) of what is in these lines; cells without a number are NaN.
 
     Raises:
         ValueError: where rows have different lengths, or no row has a number.
@@ -165,16 +171,17 @@ def _numbers(path: Path, rows: Sequence[Sequence[str]], lines: Sequence[str]) ->
     table = np.full((len(rows), width), np.nan)
     for k, row in enumerate(rows):
         if len(row) != width:
-            raise ValueError(
-                f"{path}: row {k + 1} of {len(rows)} has {len(row)} columns, others have {width}"
-            )
+            raise ValueError(f"{path}: line {lines[k]} has {len(row)} columns, others have {width}")
         for column, cell in enumerate(row):
             try:
                 table[k, column] = float(cell)
             except ValueError:
                 continue
     if not np.isfinite(table).any():
-        raise ValueError(f"{path}: has no numbers")
+        raise ValueError(
+            f"{path}: has no numbers; line {lines[0]} begins with '{rows[0][0]}', where a number"
+            " with a decimal point was expected"
+        )
     return table
 
 

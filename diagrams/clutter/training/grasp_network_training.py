@@ -20,7 +20,7 @@ from crossmodal.diagrams.clutter.training.grasp_training import View, export
 from crossmodal.diagrams.clutter.training.shapes import GOODS, goods
 from crossmodal.diagrams.drawing.table import Table
 from crossmodal.diagrams.evaluation.campaign_report import made_by
-from crossmodal.diagrams.run.folder.run_folder import write_atomically, write_text
+from crossmodal.diagrams.run.folder.written_files import write_atomically, write_text
 from crossmodal.diagrams.run.process import ending_with_this_process
 from crossmodal.maths.arrays import Array
 from crossmodal.systems.grasping.grasp_geometry import is_blocked

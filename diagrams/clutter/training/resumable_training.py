@@ -5,7 +5,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from crossmodal.diagrams.run.folder.run_folder import write_atomically
+from crossmodal.diagrams.run.folder.written_files import write_atomically
 
 
 def train_epochs(

@@ -21,7 +21,7 @@ from pydrake.geometry import (
 )
 from pydrake.math import RigidTransform, RotationMatrix
 
-from crossmodal.diagrams.run.folder.run_folder import write_atomically
+from crossmodal.diagrams.run.folder.written_files import write_atomically
 from crossmodal.diagrams.run.process import ending_with_this_process
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.pinhole import Intrinsics

@@ -12,7 +12,7 @@ from crossmodal.diagrams.clutter.training.resumable_training import train_epochs
 from crossmodal.diagrams.clutter.training.segmentation_data import Images, is_dense, is_held_out
 from crossmodal.diagrams.drawing.table import Table
 from crossmodal.diagrams.evaluation.campaign_report import made_by
-from crossmodal.diagrams.run.folder.run_folder import write_atomically, write_text
+from crossmodal.diagrams.run.folder.written_files import write_atomically, write_text
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array, Ids
 from crossmodal.systems.onnx_network import OnnxNetwork

@@ -18,12 +18,8 @@ from crossmodal.diagrams.joints.joint_metrics import unit_of
 from crossmodal.diagrams.run.application import Application
 from crossmodal.diagrams.run.episode import run_episode
 from crossmodal.diagrams.run.folder.fingerprint import fingerprint
-from crossmodal.diagrams.run.folder.run_folder import (
-    SENSORS_FILE,
-    make_folder,
-    without_nan,
-    write_text,
-)
+from crossmodal.diagrams.run.folder.run_folder import SENSORS_FILE, make_folder, without_nan
+from crossmodal.diagrams.run.folder.written_files import write_text
 from crossmodal.diagrams.run.record import EpisodeRecord
 from crossmodal.diagrams.run.replay import replay
 from crossmodal.diagrams.run.scenario import parse_scenario, read_document

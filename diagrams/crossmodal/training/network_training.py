@@ -8,7 +8,7 @@ from crossmodal.diagrams.crossmodal.training.hand_bending_data import simulate_i
 from crossmodal.diagrams.crossmodal.training.hand_bending_training import Interaction, train
 from crossmodal.diagrams.drawing.table import Table
 from crossmodal.diagrams.evaluation.campaign_report import made_by
-from crossmodal.diagrams.run.folder.run_folder import write_atomically, write_text
+from crossmodal.diagrams.run.folder.written_files import write_atomically, write_text
 from crossmodal.diagrams.run.process import ending_with_this_process
 from crossmodal.models import WEIGHTS_DIR
 from crossmodal.systems.proprioception.bending_network import save_network

@@ -23,9 +23,9 @@ from crossmodal.diagrams.run.folder.run_folder import (
     PLOT_FOLDER,
     SCENARIO_FILE,
     SUMMARY_FILE,
-    is_within,
     read_summary,
 )
+from crossmodal.diagrams.run.folder.written_files import is_within
 from crossmodal.diagrams.run.yaml_input.loader import read_yaml
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line
 

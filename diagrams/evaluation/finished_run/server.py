@@ -17,7 +17,8 @@ from crossmodal.diagrams.drawing.page import png_address, render
 from crossmodal.diagrams.drawing.palette import estimator_color
 from crossmodal.diagrams.drawing.plot_style import panels_over_time, save
 from crossmodal.diagrams.evaluation.finished_run.read_run import FinishedRun, values_over_time
-from crossmodal.diagrams.run.folder.run_folder import MESHCAT_FILE, is_within
+from crossmodal.diagrams.run.folder.run_folder import MESHCAT_FILE
+from crossmodal.diagrams.run.folder.written_files import is_within
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line
 
 HOST = "127.0.0.1"

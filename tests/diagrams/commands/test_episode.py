@@ -6,7 +6,8 @@ from pathlib import Path
 from crossmodal.diagrams.applications import load_scenario
 from crossmodal.diagrams.commands.episode import run_here
 from crossmodal.diagrams.run import process
-from crossmodal.diagrams.run.folder.run_folder import write_scenario, write_text
+from crossmodal.diagrams.run.folder.run_folder import write_scenario
+from crossmodal.diagrams.run.folder.written_files import write_text
 
 
 def test_it_ends_with_the_one_that_started_it(tmp_path: Path) -> None:

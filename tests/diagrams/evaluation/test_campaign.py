@@ -21,7 +21,8 @@ from crossmodal.diagrams.evaluation.campaign import (
 )
 from crossmodal.diagrams.evaluation.run_writer import write_run
 from crossmodal.diagrams.run import process
-from crossmodal.diagrams.run.folder.run_folder import finished_summary, write_scenario, write_text
+from crossmodal.diagrams.run.folder.run_folder import finished_summary, write_scenario
+from crossmodal.diagrams.run.folder.written_files import write_text
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 
 # Stands for an episode's process: odd seeds die, others take over a run that was prepared.

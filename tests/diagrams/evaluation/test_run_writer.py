@@ -14,12 +14,8 @@ from synthetic_episode import empty_episode, synthetic_episode
 from crossmodal.diagrams.applications import load_scenario
 from crossmodal.diagrams.crossmodal.application import APPLICATION
 from crossmodal.diagrams.evaluation.run_writer import RunWriter, summarise, write_run
-from crossmodal.diagrams.run.folder.run_folder import (
-    PLOT_FOLDER,
-    SENSORS_FILE,
-    finished_summary,
-    write_text,
-)
+from crossmodal.diagrams.run.folder.run_folder import PLOT_FOLDER, SENSORS_FILE, finished_summary
+from crossmodal.diagrams.run.folder.written_files import write_text
 from crossmodal.diagrams.run.record import EpisodeRecord
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 

@@ -96,7 +96,7 @@ def test_limits_and_damping_are_there_and_uncertainty_is_told(form: str) -> None
     for line in (
         "slide: prismatic, probability 0.980",
         "lower limit -0.1 m is what was seen",
-        "upper limit 0.3 m is an end stop, known to 0.004 m",
+        "upper limit 0.3 +- 0.004 m is an end stop",
         "friction 5 +- 0.7 N",
         "damping -1 +- 4 N s/m",
         "hinge: revolute",

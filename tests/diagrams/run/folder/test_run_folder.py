@@ -24,9 +24,8 @@ from crossmodal.diagrams.run.folder.run_folder import (
     opened,
     remove_run,
     without_nan,
-    write_atomically,
-    write_text,
 )
+from crossmodal.diagrams.run.folder.written_files import write_atomically, write_text
 from crossmodal.diagrams.run.record import EpisodeRecord
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 

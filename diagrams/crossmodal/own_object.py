@@ -84,6 +84,8 @@ def own_object_assignments(
     else:
         more, others = _stand(base, at_base, facts, made.model, given)
         values |= more
+    if not thing.free:
+        others += _further_tries(base, given)
     lines = [f"objects.{name}.{key}={value}" for key, value in values.items()]
     return lines + others + _task_assignments(base, at_base, facts, made.joint, given)
 
@@ -129,13 +131,6 @@ def _stand(
         warnings.warn(f"it stands {place}: {place.reason}", PlaceWarning, stacklevel=4)
     moved = place.X_WH.translation() - p_WH
     others = [f"plant.scene={place.scene}"] if place.scene != base.plant.scene else []
-    for key, value in _ANOTHER_TRY.items():
-        if key not in given and not base.task.return_to_start:
-            others.append(f"{key}={value}")
-    sequence = base.control.sequence
-    one_try = sequence.release_time + sequence.approach_time + sequence.close_time
-    if "duration" not in given:
-        others.append(f"duration={base.duration + sequence.retries * one_try}")
     if "control.posture" not in given:
         others.append(f"control.posture={place.posture.tolist()}")
     if np.any(moved):
@@ -145,6 +140,16 @@ def _stand(
             if not any(key.startswith("cameras.") for key in given)
         ]
     return values | {"position": place.X_WH.translation().tolist()}, others
+
+
+def _further_tries(base: Scenario, given: Collection[str]) -> list[str]:
+    """How an object that stands fast is pulled and held again, and the time that this takes."""
+    sequence = base.control.sequence
+    one_try = sequence.release_time + sequence.approach_time + sequence.close_time
+    values: dict[str, object] = {"duration": base.duration + sequence.retries * one_try}
+    if not base.task.return_to_start:
+        values |= _ANOTHER_TRY
+    return [f"{key}={value}" for key, value in values.items() if key not in given]
 
 
 def _to_joint(at_base: ObjectModel, facts: ObjectModel) -> float:

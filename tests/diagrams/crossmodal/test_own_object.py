@@ -122,8 +122,9 @@ def test_an_object_does_not_stand_in_the_robot(tmp_path: Path) -> None:
         loaded(model=tmp_path / "door.urdf", grasp_frame="knob")
 
 
-def test_a_hand_tries_other_grasps_and_has_the_time_for_them() -> None:
-    scenario, base = loaded("control.exploration.lead=0.1"), drawer()
+@pytest.mark.parametrize("place", ["", "0.9,-0.2,0.86,0,0,3.14"])
+def test_a_hand_tries_other_grasps_and_has_the_time_for_them(place: str) -> None:
+    scenario, base = loaded("control.exploration.lead=0.1", pose=place), drawer()
     sequence = scenario.control.sequence
     assert sequence.other_grasps
     assert not base.control.sequence.other_grasps

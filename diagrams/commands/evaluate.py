@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from crossmodal.diagrams.commands.completion import complete_experiment
 from crossmodal.diagrams.commands.endings import FAILED, INTERRUPTED, one_line_errors
-from crossmodal.diagrams.commands.listings import complete_experiment
 from crossmodal.diagrams.commands.options import SetOption
 
 if TYPE_CHECKING:

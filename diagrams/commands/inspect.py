@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from crossmodal.diagrams.commands.completion import complete_scenario
 from crossmodal.diagrams.commands.endings import one_line_errors
 
 EXAMPLES = (
@@ -37,7 +38,9 @@ def inspect_command(
     scale: Annotated[
         float, typer.Option(help="Of its lengths; 0.001 for a model in millimetres.")
     ] = 1.0,
-    scenario: Annotated[str, typer.Option(help="In which it would stand.")] = "drawer",
+    scenario: Annotated[
+        str, typer.Option(help="In which it would stand.", autocompletion=complete_scenario)
+    ] = "drawer",
     out: Annotated[Path | None, typer.Option(help="The picture. [default: runs/MODEL.png]")] = None,
     drafts: Annotated[
         Path | None,

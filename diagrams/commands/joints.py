@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from crossmodal.diagrams.commands.completion import complete_from
 from crossmodal.diagrams.commands.endings import one_line_errors
 
 EXAMPLES = (
@@ -62,7 +63,14 @@ def joints_command(
     time_scale: Annotated[
         float, typer.Option(help="Seconds per unit of the times; stamps since 1970 need none.")
     ] = 1.0,
-    to: Annotated[str, typer.Option(metavar="urdf|sdf", help="Write the joint as a model.")] = "",
+    to: Annotated[
+        str,
+        typer.Option(
+            metavar="urdf|sdf",
+            help="Write the joint as a model.",
+            autocompletion=complete_from("urdf", "sdf"),
+        ),
+    ] = "",
     out: Annotated[Path | None, typer.Option(help="Folder. [default: runs/joints/FILE]")] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace its results.")] = False,
 ) -> None:

@@ -4,10 +4,15 @@ from typing import Annotated
 
 import typer
 
+from crossmodal.diagrams.commands.completion import complete_key
+
 SetOption = Annotated[
     list[str] | None,
     typer.Option(
-        "--set", metavar="KEY.PATH=VALUE", help="Replace one value of the scenario; repeatable."
+        "--set",
+        metavar="KEY.PATH=VALUE",
+        help="Replace one value of the scenario; repeatable.",
+        autocompletion=complete_key,
     ),
 ]
 VerboseOption = Annotated[

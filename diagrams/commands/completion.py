@@ -15,7 +15,7 @@ Words = list[tuple[str, str]]  # With what they are.
 
 
 @contextlib.contextmanager
-def _silent() -> Iterator[None]:
+def silent() -> Iterator[None]:
     """Ends what is within at any error; nothing of it is printed amid what the shell shows."""
     nowhere = io.StringIO()
     with (
@@ -29,7 +29,7 @@ def _silent() -> Iterator[None]:
 def complete_scenario(incomplete: str) -> Words:
     """Scenarios, with what they are, and files, that begin so."""
     names: Words = []
-    with _silent():
+    with silent():
         from crossmodal.diagrams.run.listing import description_of
 
         known = {name: path for one in listings() for name, path in one.files().items()}
@@ -46,7 +46,7 @@ def _files(incomplete: str) -> Words:
 def complete_experiment(incomplete: str) -> Words:
     """Experiments that begin so, with what they are."""
     known: dict[str, str] = {}
-    with _silent():
+    with silent():
         every = (all_.experiments.items() for all_ in listings())
         known = {name: one.description for some in every for name, one in some}
     known["all"] = "every experiment"
@@ -63,7 +63,7 @@ def complete_connection(incomplete: str) -> Words:
 def complete_key(ctx: typer.Context, incomplete: str) -> Words:
     """Keys of the values of the command's scenario that begin so, with what they mean."""
     lines: Words = []
-    with _silent():
+    with silent():
         from crossmodal.diagrams.run.yaml_input.values_table import values_table
 
         lines = [(line.key, line.meaning) for line in values_table(_loaded(ctx)[1])]
@@ -77,7 +77,7 @@ def complete_modalities(ctx: typer.Context, incomplete: str) -> Words:
     """
     *written, last = incomplete.split(",")
     found: Words = []
-    with _silent():
+    with silent():
         application, scenario = _loaded(ctx)
         labels = application.labels
         found = [(name, labels.get(name, "")) for name in scenario.modalities]

@@ -112,11 +112,18 @@ def test_files_are_completed_where_no_scenario_begins_so() -> None:
         (["drawer"], ["--object", "--grasp-frame", "--scale"], []),
         (["pose"], ["--object", "--scale"], ["--grasp-frame", "--pull-direction"]),
         (["flap"], ["--object"], ["--grasp-frame", "--scale"]),
+        (["--seed", "3", "flap"], ["--object"], ["--grasp-frame", "--scale"]),
+        (["--modalities", "vision", "drawer"], ["--object", "--grasp-frame", "--scale"], []),
+        (["my_flap.yaml"], ["--object"], ["--grasp-frame", "--scale"]),
+        (["mine.yaml", "--out", "drawer"], ["--object"], ["--grasp-frame", "--scale"]),
+        (["none.yaml"], ["--object", "--grasp-frame", "--scale"], []),
     ],
 )
 def test_help_after_a_scenario_leaves_out_what_its_application_has_no_use_for(
     scenario: list[str], shown: list[str], hidden: list[str]
 ) -> None:
+    Path("my_flap.yaml").write_text("base: flap-jerked\n")
+    Path("mine.yaml").write_text("system: flap\n")
     options = RUNNER.invoke(app, ["run", *scenario, "--help"]).output.partition("Examples:")[0]
     assert all(f"{name} " in options for name in shown)
     assert not any(f"{name} " in options for name in hidden)

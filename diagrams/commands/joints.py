@@ -7,6 +7,7 @@ import typer
 
 from crossmodal.diagrams.commands.completion import complete_from
 from crossmodal.diagrams.commands.endings import one_line_errors
+from crossmodal.diagrams.commands.options import QuietOption
 
 EXAMPLES = (
     "Examples:  crossmodal joints door.csv --to urdf   |   crossmodal joints first.tum second.tum"
@@ -73,6 +74,7 @@ def joints_command(
     ] = "",
     out: Annotated[Path | None, typer.Option(help="Folder. [default: runs/joints/FILE]")] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace its results.")] = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Find how a body is joined to another one, from poses of any tracker."""
     with one_line_errors():
@@ -121,22 +123,26 @@ def joints_command(
             if parent is not None or parent_topic:
                 of_parent = read(parent or files[0], parent_topic)
                 tracks = [relative_track(of_parent, tracks[0])]
-            with compilation_timed(lambda: typer.echo(COMPILING, err=True)):
+            with compilation_timed(lambda: None if quiet else typer.echo(COMPILING, err=True)):
                 compile_ahead("joints")
             found = estimate_repeats(
                 [from_its_start(track) for track in tracks],
-                progress=lambda poses: tqdm(poses, "poses", leave=False, disable=None),
+                progress=lambda poses: tqdm(
+                    poses, "poses", leave=False, disable=True if quiet else None
+                ),
             )
             notes = doubts(found)
             writer = writers[to]
             model = writer(found, as_name(files[0].stem)) if writer is not None else ""
         except ValueError as error:
             raise ScenarioError(str(error)) from None
-        typer.echo("\n".join([*described(found), *(f"note: {note}" for note in notes)]))
+        if not quiet:
+            typer.echo("\n".join([*described(found), *(f"note: {note}" for note in notes)]))
         paths = write_results(found, notes, folder, files[0].stem)
         if model:
             paths.append(write_text(folder / f"joint.{to}", model))
-        typer.echo("\nFiles:\n" + "\n".join(f"  {path}" for path in paths))
+        if not quiet:
+            typer.echo("\nFiles:\n" + "\n".join(f"  {path}" for path in paths))
 
 
 def _named(columns: str) -> dict[str, str]:

@@ -16,7 +16,7 @@ SetOption = Annotated[
     ),
 ]
 VerboseOption = Annotated[
-    bool, typer.Option("-v", "--verbose", help="Print what happens, as log.txt will have it.")
+    bool, typer.Option("-v", "--verbose", help="Print what happens while it happens.")
 ]
 QuietOption = Annotated[bool, typer.Option("-q", "--quiet", help="Print only what goes wrong.")]
 ForceOption = Annotated[

@@ -8,6 +8,7 @@ these modules holds an `APPLICATION`.
 
 import os
 import re
+import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -39,11 +40,14 @@ _COME_ALONG = tuple(
 )
 
 
+class ApplicationWarning(UserWarning):
+    """An application of the user's own is left out, since it cannot be had."""
+
+
 def applications() -> dict[str, Application]:
     """All applications by name, those that come with the program first.
 
-    Raises:
-        ScenarioError: where one cannot be had.
+    One that cannot be had is left out with a warning.
     """
     own = filter(None, (name.strip() for name in os.environ.get(OWN, "").split(",")))
     installed = (entry.module for entry in entry_points(group=GROUP))
@@ -54,13 +58,25 @@ def applications() -> dict[str, Application]:
 def _load(sources: tuple[str, ...]) -> dict[str, Application]:
     found: dict[str, Application] = {}
     for source in sources:
-        application = getattr(load_module(source, f"application '{source}'"), "APPLICATION", None)
-        if not isinstance(application, Application):
-            raise ScenarioError(f"application '{source}': holds no Application called APPLICATION")
-        if application.name in found:
-            raise ScenarioError(f"there are two applications '{application.name}'")
+        try:
+            application = _application(source)
+            if application.name in found:
+                raise ScenarioError(
+                    f"application '{source}': there are two applications '{application.name}'"
+                )
+        except ScenarioError as error:
+            warnings.warn(f"{error}; it is left out", ApplicationWarning, stacklevel=3)
+            continue
         found[application.name] = application
     return found
+
+
+def _application(source: str) -> Application:
+    module = load_module(source, f"application '{source}'")
+    application = getattr(module, "APPLICATION", None)
+    if not isinstance(application, Application):
+        raise ScenarioError(f"application '{source}': holds no Application called APPLICATION")
+    return application
 
 
 def find_application(name: str, source: str) -> Application:

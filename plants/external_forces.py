@@ -22,6 +22,7 @@ class ExternalForce:
     # In the frame's axes.
     force: np.ndarray = numbers(np.zeros(3), at_least=-1e4, at_most=1e4, unit="N")
     start: float = number(0.0, at_least=0.0, at_most=86400.0, unit="s")  # Since the episode began.
+    # When it ends, since the episode began.
     end: float = number(float("inf"), above=0.0, at_most=86400.0, unit="s", infinite=True)
 
 

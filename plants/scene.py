@@ -38,6 +38,7 @@ _WHITE = Rgba(1.0, 1.0, 1.0)
 class PlantConfig:
     # Drake model directives of all but the objects, in models/sdf or by an absolute path.
     scene: str = "table_scene.dmd.yaml"
+    # Step of the simulation.
     time_step: float = number(0.006, at_least=1e-4, at_most=0.1, unit="s")
     # Drake's discrete contact approximation. With `sap` a carton that slides on its table is borne
     # by 0 to 4 times its weight from step to step, with `lagged` by its weight.

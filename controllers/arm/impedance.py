@@ -66,9 +66,10 @@ class ImpedanceConfig:
     torque_limit: float = number(60.0, above=0.0, at_most=1e4, unit="N m")  # Of every joint.
     # Time constant with which the offset takes over the springs' load.
     tare_time: float = number(0.3, at_least=1e-3, at_most=3600.0, unit="s")
-    # The offset comes from joints whose zeros are off, or from other torques, such as a load of
-    # another weight; how large these are, one standard deviation of each joint.
+    # By how much a joint's zero is off, 1 sigma. It and `torque_error` are what the offset may come
+    # from.
     zero_error: float = number(float(np.deg2rad(5.0)), above=0.0, at_most=3.2, unit="rad")
+    # How large other torques on a joint are, such as a load of another weight, 1 sigma.
     torque_error: float = number(0.3, above=0.0, at_most=1e4, unit="N m")
 
 

@@ -35,8 +35,9 @@ class MotionPlannerConfig:
     # Length of a branch of the search trees.
     branch: float = number(0.4, above=0.0, at_most=10.0, unit="rad")
     branches: int = number(500, at_least=1, at_most=1000000)  # After which it is given up.
-    # Postures from which inverse kinematics starts beside those given, and how far around these.
+    # Postures that are drawn, from which inverse kinematics starts beside those given.
     restarts: int = number(10, at_least=0, at_most=10000)
+    # How far these postures are from the given ones, 1 sigma of each joint.
     spread: float = number(0.8, above=0.0, at_most=10.0, unit="rad")
     shortcuts: int = number(60, at_least=0, at_most=100000)  # That are tried on a path.
 

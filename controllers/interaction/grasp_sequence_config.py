@@ -27,16 +27,23 @@ class GraspSequenceConfig:
     closing_pressure: list[float] = numbers(
         [6.0e4, 6.0e4, 6.0e4, 8.0e4], at_least=0.0, at_most=1e6, unit="Pa", shape=(range(1, 101),)
     )
-    # Gains of approach and closing.
+    # Of approach and closing.
     stiff_rotation: float = number(30.0, at_least=0.0, at_most=1e4, unit="N m/rad")
+    # Of approach and closing.
     stiff_translation: float = number(2000.0, at_least=0.0, at_most=1e6, unit="N/m")
+    # Of approach and closing.
     stiff_rotation_damping: float = number(1.0, at_least=0.0, at_most=1e4, unit="N m s/rad")
+    # Of approach and closing.
     stiff_translation_damping: float = number(80.0, at_least=0.0, at_most=1e5, unit="N s/m")
-    # Gains of exploration: compliant but in the pulling direction (paper, section VII-A).
+    # Of exploration, in all but the pulling direction (paper, section VII-A).
     compliant_stiffness: float = number(0.1, at_least=0.0, at_most=1e4, unit="N m/rad or N/m")
+    # Of exploration, in all other directions.
     compliant_damping: float = number(1.0, at_least=0.0, at_most=1e4, unit="N m s/rad or N s/m")
+    # Of exploration, in the pulling direction.
     pull_stiffness: float = number(400.0, at_least=0.0, at_most=1e6, unit="N/m")
+    # Of exploration, in the pulling direction.
     pull_damping: float = number(200.0, at_least=0.0, at_most=1e5, unit="N s/m")
+    # Inertia that the hand seems to have, about and along each axis.
     mass: float = number(1.0, at_least=0.0, at_most=1000.0, unit="kg m^2 or kg")
     # Delay from the joint's motion to the hand's stop, by which the goal is anticipated.
     anticipation: float = number(0.1, at_least=0.0, at_most=60.0, unit="s")

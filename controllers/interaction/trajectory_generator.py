@@ -28,13 +28,19 @@ class TrajectoryGeneratorConfig:
     failure_probability: float = number(0.5, at_least=0.0, at_most=1.0)
     # Largest distance of the plan ahead of the hand.
     lead: float = number(0.03, above=0.0, at_most=10.0, unit="m")
-    # Gains along and across the hand's motion.
+    # Along the hand's motion.
     stiffness_along: float = number(1000.0, at_least=0.0, at_most=1e6, unit="N/m")
+    # Across the hand's motion.
     stiffness_across: float = number(200.0, at_least=0.0, at_most=1e6, unit="N/m")
+    # About each axis.
     stiffness_rotation: float = number(10.0, at_least=0.0, at_most=1e4, unit="N m/rad")
+    # Along the hand's motion.
     damping_along: float = number(150.0, at_least=0.0, at_most=1e5, unit="N s/m")
+    # Across the hand's motion.
     damping_across: float = number(60.0, at_least=0.0, at_most=1e5, unit="N s/m")
+    # About each axis.
     damping_rotation: float = number(1.0, at_least=0.0, at_most=1e4, unit="N m s/rad")
+    # Inertia that the hand seems to have, about and along each axis.
     mass: float = number(1.0, at_least=0.0, at_most=1000.0, unit="kg m^2 or kg")
 
 

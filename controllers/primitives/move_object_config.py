@@ -15,12 +15,14 @@ from crossmodal.maths.validation import number
 class GripConfig:
     """How two fingers hold something."""
 
+    # Of a finger that opens or closes.
     finger_speed: float = number(0.1, above=0.0, at_most=1.0, unit="m/s")
     # Of a finger's drive.
     stiffness: float = number(2000.0, above=0.0, at_most=1e6, unit="N/m")
-    # Normal force of a finger with which it holds, and the largest one. A finger whose drive needs
-    # the latter has met something: it is more than what moves it at its speed, 6 N.
+    # Normal force of a finger with which it holds.
     force: float = number(5.0, above=0.0, at_most=100.0, unit="N")
+    # Largest normal force of a finger. One whose drive needs it has met something: it is more
+    # than what moves it at its speed, 6 N.
     largest_force: float = number(9.0, above=0.0, at_most=100.0, unit="N")
     # Of a finger: it has met something. The sum over its taxels has a noise of .05 N.
     contact: float = number(0.3, above=0.0, at_most=10.0, unit="N")
@@ -53,9 +55,9 @@ class MoveObjectConfig:
     above: float = number(0.03, at_least=0.0, at_most=0.5, unit="m")
     # What is carried is lifted by so much at least.
     lift: float = number(0.1, above=0.0, at_most=1.0, unit="m")
-    # Force at which a push stops, as something is in its way, if it lasts for so long: light things
-    # bounce. Two samples at 40 Hz.
+    # Force at which a push stops, as something is in its way, if it lasts: light things bounce.
     largest_push: float = number(8.0, above=0.0, at_most=100.0, unit="N")
+    # For which the force has to last that stops a push. Two samples at 40 Hz.
     impact: float = number(0.05, at_least=0.0, at_most=1.0, unit="s")
     # By which the hand may be behind its command; taxels may not feel what holds it up.
     largest_lag: float = number(0.015, above=0.0, at_most=1.0, unit="m")
@@ -68,8 +70,9 @@ class MoveObjectConfig:
     relief: float = number(0.004, at_least=0.0, at_most=0.05, unit="m")
     # For which the taxels' offsets are averaged.
     tare_time: float = number(0.5, above=0.0, at_most=60.0, unit="s")
-    # Over which forces are averaged: of a decision, and of a contact that is pushed.
+    # Over which forces are averaged: of a decision.
     averaged: float = number(0.02, above=0.0, at_most=1.0, unit="s")
+    # Over which forces are averaged: of a contact that is pushed.
     pushed_averaged: float = number(0.25, above=0.0, at_most=5.0, unit="s")
     # Of the way, along which it may not be felt: what slides ahead is met again by then, or lost.
     unfelt: float = number(0.04, at_least=0.0, at_most=0.5, unit="m")

@@ -23,15 +23,18 @@ class TactileServoingConfig:
     """
 
     force = 0.5
-    period: float = number(0.01, at_least=1e-4, at_most=1.0, unit="s")
+    period: float = number(0.01, at_least=1e-4, at_most=1.0, unit="s")  # Update period.
     # Where the contact should be on the pad, along x and z.
     position: list[float] = numbers([0.0, 0.0], at_least=-0.1, at_most=0.1, unit="m")
+    # Gain of each feature's error.
     proportional: list[float] = numbers(
         [1.0, 1.0, 0.0, 0.01, 0.0, 0.0], at_least=0.0, at_most=100.0, unit="1/s or m/(s N)"
     )
+    # Gain of the error's integral.
     integral: list[float] = numbers(
         [0.0, 0.0, 0.0, 0.05, 0.0, 0.0], at_least=0.0, at_most=1e3, unit="1/s^2 or m/(s^2 N)"
     )
+    # Gain of the error's rate.
     derivative: list[float] = numbers(
         [0.0, 0.0, 0.0, 0.0, 0.0, 0.0], at_least=0.0, at_most=10.0, unit="1 or m/N"
     )

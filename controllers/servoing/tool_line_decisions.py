@@ -31,12 +31,13 @@ class LinePhase(IntEnum):
 
 @dataclass(kw_only=True)
 class ToolLineConfig:
-    period: float = number(0.01, at_least=1e-4, at_most=1.0, unit="s")
-    # Where the line begins and ends, in the world: 5 mm above the table, for the tip is the middle
-    # of an edge that is 5 to 8 mm thick.
+    period: float = number(0.01, at_least=1e-4, at_most=1.0, unit="s")  # Update period.
+    # Where the line begins, in the world: 5 mm above the table as its end is, for the tip is the
+    # middle of an edge that is 5 to 8 mm thick.
     start: np.ndarray = numbers(
         np.array([0.575, 0.05, 0.175]), at_least=-10.0, at_most=10.0, unit="m"
     )
+    # Where the line ends, in the world.
     end: np.ndarray = numbers(
         np.array([0.425, 0.05, 0.175]), at_least=-10.0, at_most=10.0, unit="m"
     )
@@ -44,15 +45,19 @@ class ToolLineConfig:
     above: float = number(0.08, at_least=0.0, at_most=1.0, unit="m")
     # Angle by which the flap points down, from the hinge to the tip; the hinge itself is level.
     slope: float = number(0.26, at_least=0.0, at_most=1.57, unit="rad")
-    # Highest speeds of the tip: on its path to the line, and along the line.
+    # Highest speed of the tip on its way to above the line.
     travel_speed: float = number(0.12, above=0.0, at_most=1.0, unit="m/s")
+    # Highest rate at which the tip turns.
     turn_speed: float = number(0.4, above=0.0, at_most=3.0, unit="rad/s")
+    # Highest speed of the tip along the line and down to it.
     line_speed: float = number(0.04, above=0.0, at_most=1.0, unit="m/s")
     # With which the tip is drawn to where it should be.
     gain: float = number(2.0, at_least=0.0, at_most=50.0, unit="1/s")
-    # How near the tip has to get to the end of each path, and how late it may be.
+    # How near the tip has to get to the end of each path.
     arrival_distance: float = number(0.001, above=0.0, at_most=0.1, unit="m")
+    # How far the tip may be turned from how it should be at the end of each path.
     arrival_angle: float = number(0.01, above=0.0, at_most=1.0, unit="rad")
+    # How late the tip may be at the end of each path.
     arrival_time: float = number(4.0, above=0.0, at_most=3600.0, unit="s")
     # A tool is not used of which a vector's reported standard deviation is larger.
     largest_deviation: float = number(0.03, above=0.0, at_most=1.0, unit="m")

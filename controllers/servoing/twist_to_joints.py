@@ -19,7 +19,7 @@ from crossmodal.maths.validation import check, number
 
 @dataclass(kw_only=True)
 class TwistToJointsConfig:
-    period: float = number(0.01, at_least=1e-4, at_most=1.0, unit="s")
+    period: float = number(0.01, at_least=1e-4, at_most=1.0, unit="s")  # Update period.
     # Share of the joints' velocity limits that is used.
     velocity_share: float = number(0.5, above=0.0, at_most=1.0)
     # Distance that is kept from the joints' limits.

@@ -29,8 +29,9 @@ class VisualServoingConfig:
     """
 
     typical_distance = 0.085
-    # Gain of the roll towards the flap, and of the finger's alignment with the hinge.
+    # Gain of the roll towards the flap.
     roll_gain: float = number(1.0, at_least=0.0, at_most=100.0, unit="1/s")
+    # Gain of the finger's alignment with the hinge.
     align_gain: float = number(0.5, at_least=0.0, at_most=100.0, unit="1/s")
     # Largest rate of turning by what is seen.
     turn_limit: float = number(0.2, above=0.0, at_most=10.0, unit="rad/s")

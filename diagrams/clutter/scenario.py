@@ -36,6 +36,7 @@ class TargetConfig:
 
     # One of models/sdf/goods; empty: one of `objects`, which the seed draws.
     object: str = ""
+    # Of models/sdf/goods; the seed draws one of them.
     objects: list[str] = field(default_factory=lambda: list(TARGETS))
     # A mesh file of one's own in its place, absolute or beside the scenario's file.
     mesh: str = ""
@@ -51,9 +52,11 @@ class TargetConfig:
 class GuessConfig:
     """By how much the pose from which it starts is wrong, between two ends."""
 
+    # How far it is shifted, least and most.
     translation: np.ndarray = numbers(
         np.array([0.02, 0.05]), at_least=0.0, at_most=1.0, unit="m", shape=(2,)
     )
+    # How far it is turned, least and most.
     rotation: np.ndarray = numbers(
         np.array([10.0, 30.0]), at_least=0.0, at_most=180.0, unit="deg", shape=(2,)
     )

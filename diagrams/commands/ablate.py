@@ -6,8 +6,8 @@ from typing import Annotated
 
 import typer
 
+from crossmodal.diagrams.commands.completion import complete_connection
 from crossmodal.diagrams.commands.endings import one_line_errors
-from crossmodal.diagrams.commands.listings import complete_connection
 
 TABLE_FILE = "ablations.md"
 EXAMPLES = "Example:  crossmodal ablate body-in-the-hand --seeds 0:5"

@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from crossmodal.diagrams.commands.completion import complete_modalities, complete_scenario
 from crossmodal.diagrams.commands.endings import one_line_errors
 from crossmodal.diagrams.commands.options import SetOption
 
@@ -13,12 +14,21 @@ EXAMPLES = "Example:  crossmodal diagram drawer --modality vision --out vision.s
 
 
 def diagram_command(
-    scenario: Annotated[str, typer.Argument(help="A scenario's name or a path to a YAML file.")],
+    scenario: Annotated[
+        str,
+        typer.Argument(
+            help="A scenario's name or a path to a YAML file.", autocompletion=complete_scenario
+        ),
+    ],
     out: Annotated[
         Path | None, typer.Option(help="The SVG file. [default: runs/SCENARIO-MODALITY.svg]")
     ] = None,
     modality: Annotated[
-        str, typer.Option(help="One of the scenario's estimators. [default: the last one]")
+        str,
+        typer.Option(
+            help="One of the scenario's estimators. [default: the last one]",
+            autocompletion=complete_modalities,
+        ),
     ] = "",
     force: Annotated[bool, typer.Option("--force", help="Replace the file.")] = False,
     overrides: SetOption = None,

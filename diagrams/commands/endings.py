@@ -29,12 +29,8 @@ def one_line_errors(log: RunLog | None = None) -> Iterator[None]:
     from crossmodal.diagrams.run.own_code import place_of, told, traceback_of
     from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line
 
-    drake = logging.getLogger("drake")  # Its level is set anew by each import.
-    chosen = _is_error if log is None else log.filter
-    drake.addFilter(chosen)
     try:
-        with warnings.catch_warnings():
-            warnings.showwarning = _show_warning if log is None else partial(_keep_warning, log)
+        with noted(log):
             yield
     except ScenarioError as error:
         typer.echo(f"crossmodal: {error}", err=True)
@@ -58,6 +54,18 @@ def one_line_errors(log: RunLog | None = None) -> Iterator[None]:
     except KeyboardInterrupt:
         typer.echo("crossmodal: interrupted; nothing unfinished is kept", err=True)
         raise typer.Exit(INTERRUPTED) from None
+
+
+@contextlib.contextmanager
+def noted(log: RunLog | None) -> Iterator[None]:
+    """Shows warnings in one line and Drake's errors; both are kept in the log."""
+    drake = logging.getLogger("drake")  # Its level is set anew by each import.
+    chosen = _is_error if log is None else log.filter
+    drake.addFilter(chosen)
+    try:
+        with warnings.catch_warnings():
+            warnings.showwarning = _show_warning if log is None else partial(_keep_warning, log)
+            yield
     finally:
         drake.removeFilter(chosen)
 
@@ -87,7 +95,8 @@ def _keep_warning(
     log: RunLog, message: Warning | str, category: type[Warning], *about: Any, **rest: Any
 ) -> None:
     log.note(f"warning: {message}")
-    _show_warning(message, category, *about, **rest)
+    if not log.is_verbose:
+        _show_warning(message, category, *about, **rest)
 
 
 class GentleInterrupt:

@@ -2,8 +2,9 @@
 
     python -m crossmodal.diagrams.commands.episode FOLDER
 
-It runs the scenario that FOLDER holds and writes the episode there. It ends when its standard input
-is closed, so that it never outlives who started it.
+It runs the scenario that FOLDER holds and writes the episode there. What happens it prints at once,
+for `log.txt`, so that a process that is killed leaves it, too. It ends when its standard input is
+closed, so that it never outlives who started it.
 """
 
 import os
@@ -12,11 +13,17 @@ import threading
 import traceback
 from pathlib import Path
 
+import typer
+
+from crossmodal.diagrams.commands.endings import noted
+from crossmodal.diagrams.commands.run_log import RunLog
 from crossmodal.diagrams.evaluation.run_writer import evaluated, write_run
 from crossmodal.diagrams.run.folder.run_folder import SCENARIO_FILE
 from crossmodal.diagrams.run.folder.written_files import write_text
 from crossmodal.diagrams.run.process import ERROR_FILE
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line
+
+_COMMAND = "python -m crossmodal.diagrams.commands.episode"
 
 
 def run_here(folder: Path) -> int:
@@ -24,10 +31,18 @@ def run_here(folder: Path) -> int:
     from crossmodal.diagrams.applications import load_scenario
     from crossmodal.diagrams.run.episode import run_episode
 
+    log = RunLog(verbose=True, command=f"{_COMMAND} {folder}")
+    log.note("Loading Drake and the scenario")
     try:
-        application, scenario = load_scenario(str(folder / SCENARIO_FILE))
-        record = run_episode(application, scenario)
-        write_run(folder, application, record, evaluated(application, record))
+        with noted(log):
+            application, scenario = load_scenario(str(folder / SCENARIO_FILE))
+            log.note(f"Building the simulation of {scenario.name}, seed {scenario.seed}")
+            record = run_episode(application, scenario)
+            results = evaluated(application, record)
+            if record.traceback:
+                log.note(record.traceback)
+            typer.echo("\n".join(log.ending(record)), err=True)
+            write_run(folder, application, record, results)
     except Exception as error:
         name = "" if isinstance(error, ScenarioError) else f"{type(error).__name__}: "
         text = f"{name}{one_line(error)}\n\n{traceback.format_exc()}"

@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from crossmodal.diagrams.commands.completion import complete_experiment
 from crossmodal.diagrams.commands.endings import FAILED, INTERRUPTED, one_line_errors
-from crossmodal.diagrams.commands.listings import complete_experiment
-from crossmodal.diagrams.commands.options import SetOption
+from crossmodal.diagrams.commands.options import QuietOption, SetOption, VerboseOption
+from crossmodal.diagrams.commands.run_log import RunLog
 
 if TYPE_CHECKING:
     from crossmodal.diagrams.evaluation.campaign import Campaign, Workers
@@ -47,9 +48,13 @@ def evaluate_command(
         float | None, typer.Option(help="Longest simulated time of an episode, [s].")
     ] = None,
     overrides: SetOption = None,
+    verbose: VerboseOption = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Repeat an experiment over seeds and write tables and plots beside the paper's figures."""
-    with one_line_errors():
+    log = RunLog(verbose=verbose, quiet=quiet)
+    with one_line_errors(log):
+        log.note("Loading Drake and the scenarios")
         from crossmodal.diagrams.applications import experiments, load_scenario, own_suggestion
         from crossmodal.diagrams.evaluation import campaign_report as reports
         from crossmodal.diagrams.evaluation.campaign import Workers, check_folder, connect, prepare
@@ -81,28 +86,32 @@ def evaluate_command(
             application, scenario = load_scenario(chosen.scenario, assignments)
             campaigns.append(prepare(name, application, scenario, numbers, folder, force=force))
         for campaign in campaigns:
-            finished = finished and _run_campaign(campaign, workers)
+            finished = finished and _run_campaign(campaign, workers, log)
             origin = reports.made_by(command, complete=campaign.is_complete)
             written = reports.write_campaign(campaign, origin) or written
         if together:
             origin = reports.made_by(command, complete=finished)
             written = reports.write_overview(campaigns, top, origin)
-    _finish_evaluation(campaigns, written)
+    _finish_evaluation(campaigns, written, log)
 
 
-def _run_campaign(campaign: "Campaign", workers: "Workers") -> bool:
+def _run_campaign(campaign: "Campaign", workers: "Workers", log: RunLog) -> bool:
     """Runs an experiment behind a progress bar; returns False where it was interrupted."""
     from tqdm import tqdm
 
     from crossmodal.diagrams.evaluation.campaign import run
 
     total = len(campaign.scenarios)
-    with tqdm(total=total, desc=campaign.name, unit="episode", disable=None) as bar:
+    there = len(campaign.summaries)
+    log.note(f"{campaign.name}: {there} of {total} episodes are there, the others are run")
+    hidden = True if log.is_quiet or log.is_verbose else None
+    with tqdm(total=total, desc=campaign.name, unit="episode", disable=hidden) as bar:
         done = 0
 
         def progress(summary: dict[str, Any]) -> None:
             nonlocal done
             done += bool(summary["success"])
+            log.note(f"{campaign.name}, seed {summary['seed']}: has ended")
             bar.update()
             bar.set_postfix_str(f"{done} of {bar.n} done")
             if summary["success"] is False:
@@ -112,14 +121,14 @@ def _run_campaign(campaign: "Campaign", workers: "Workers") -> bool:
         return run(campaign, workers, progress)
 
 
-def _finish_evaluation(campaigns: "list[Campaign]", written: list[Path]) -> None:
+def _finish_evaluation(campaigns: "list[Campaign]", written: list[Path], log: RunLog) -> None:
     from crossmodal.diagrams.evaluation.metric_table import interrupted
 
     for path in written:
         if path.suffix == ".md":
-            typer.echo(path.read_text(encoding="utf-8"))
+            log.say(path.read_text(encoding="utf-8"))
     for path in written:
-        typer.echo(f"  {path}")
+        log.say(f"  {path}")
     for campaign in campaigns:
         for line in campaign.missing:
             typer.echo(f"crossmodal: {line}", err=True)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from crossmodal.diagrams.commands.completion import complete_from
 from crossmodal.diagrams.commands.endings import one_line_errors
 from crossmodal.diagrams.commands.options import ForceOption
 
@@ -28,6 +29,7 @@ def export_command(
         typer.Option(
             metavar="urdf|sdf|bag|mcap|db3",
             help="A model of the object; or the sensor streams as a bag of ROS 1 or 2.",
+            autocompletion=complete_from("urdf", "sdf", *_BAGS),
         ),
     ],
     out: Annotated[

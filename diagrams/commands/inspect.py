@@ -5,8 +5,10 @@ from typing import Annotated
 
 import typer
 
+from crossmodal.diagrams.commands.completion import complete_scenario
 from crossmodal.diagrams.commands.endings import one_line_errors
 
+_SCENARIO = "drawer"
 EXAMPLES = (
     "Examples:  crossmodal inspect models/examples/two_drawers.urdf   |"
     "   crossmodal inspect kitchen.bag --drafts ."
@@ -37,7 +39,13 @@ def inspect_command(
     scale: Annotated[
         float, typer.Option(help="Of its lengths; 0.001 for a model in millimetres.")
     ] = 1.0,
-    scenario: Annotated[str, typer.Option(help="In which it would stand.")] = "drawer",
+    scenario: Annotated[
+        str,
+        typer.Option(
+            help="In which it would stand: one whose object is grasped and opened.",
+            autocompletion=complete_scenario,
+        ),
+    ] = _SCENARIO,
     out: Annotated[Path | None, typer.Option(help="The picture. [default: runs/MODEL.png]")] = None,
     drafts: Annotated[
         Path | None,
@@ -52,9 +60,20 @@ def inspect_command(
     with one_line_errors():
         from crossmodal.systems.recordings.open_recording import is_recording
 
+        given = {
+            "--grasp-frame": grasp_frame,
+            "--joint": joint,
+            "--pull-direction": pull_direction,
+            "--object-pose": object_pose,
+            "--scale": "" if scale == 1.0 else scale,
+            "--scenario": "" if scenario == _SCENARIO else scenario,
+            "--out": out,
+        }
         if is_recording(model):
+            _refuse(given, f"{model} is a recording; this is for models")
             _inspect_recording(model, drafts, force=force)
             return
+        _refuse({"--drafts": drafts}, f"{model} is no recording, of which drafts are written")
         from crossmodal.diagrams.applications import load_scenario
         from crossmodal.diagrams.crossmodal.inspection.inspection import inspected
         from crossmodal.diagrams.run.folder.written_files import write_atomically
@@ -79,6 +98,15 @@ def inspect_command(
             drawn = figure
             lines += ["Picture", f"  {write_atomically(path, lambda file: save(drawn, file))}"]
         typer.echo("\n".join(lines))
+
+
+def _refuse(given: dict[str, object], why: str) -> None:
+    """Refuses the first option that would do nothing."""
+    from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
+
+    for option, value in given.items():
+        if value not in ("", None):
+            raise ScenarioError(f"{option} {value}: {why}")
 
 
 def _inspect_recording(path: Path, folder: Path | None, *, force: bool) -> None:

@@ -5,7 +5,9 @@ from typing import Annotated
 
 import typer
 
+from crossmodal.diagrams.commands.completion import complete_from
 from crossmodal.diagrams.commands.endings import FAILED, one_line_errors
+from crossmodal.diagrams.commands.options import QuietOption
 
 EXAMPLES = (
     "Examples:  crossmodal joints door.csv --to urdf   |   crossmodal joints first.tum second.tum"
@@ -65,9 +67,17 @@ def joints_command(
     time_scale: Annotated[
         float, typer.Option(help="Seconds per unit of the times; stamps since 1970 need none.")
     ] = 1.0,
-    to: Annotated[str, typer.Option(metavar="urdf|sdf", help="Write the joint as a model.")] = "",
+    to: Annotated[
+        str,
+        typer.Option(
+            metavar="urdf|sdf",
+            help="Write the joint as a model.",
+            autocompletion=complete_from("urdf", "sdf"),
+        ),
+    ] = "",
     out: Annotated[Path | None, typer.Option(help="Folder. [default: runs/joints/FILE]")] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace its results.")] = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Find how a body is joined to another one, from poses of any tracker."""
     with one_line_errors():
@@ -123,16 +133,19 @@ def joints_command(
                     tracks[k] = relative_track(of_parent, tracks[k])
                 except ValueError as error:
                     raise ValueError(f"{files[k]} with parent {path}: {error}") from None
-            with compilation_timed(lambda: typer.echo(COMPILING, err=True)):
+            with compilation_timed(lambda: None if quiet else typer.echo(COMPILING, err=True)):
                 compile_ahead("joints")
             found = estimate_repeats(
                 [from_its_start(track) for track in tracks],
-                progress=lambda poses: tqdm(poses, "poses", leave=False, disable=None),
+                progress=lambda poses: tqdm(
+                    poses, "poses", leave=False, disable=True if quiet else None
+                ),
             )
             notes = doubts(found)
         except ValueError as error:
             raise ScenarioError(str(error)) from None
-        typer.echo("\n".join([*described(found), *(f"note: {note}" for note in notes)]))
+        if not quiet:
+            typer.echo("\n".join([*described(found), *(f"note: {note}" for note in notes)]))
         origin = np.repeat([str(file) for file in files], [len(track.times) for track in tracks])
         paths = write_results(found, notes, folder, files[0].stem, origin.tolist())
         for form in ("urdf", "sdf") if force else ():  # Of earlier results.
@@ -144,7 +157,8 @@ def joints_command(
                 paths.append(write_text(folder / f"joint.{to}", model))
             except ValueError as error:
                 no_model = f"crossmodal: no joint.{to} is written: {error}"
-        typer.echo("\nFiles:\n" + "\n".join(f"  {path}" for path in paths))
+        if not quiet:
+            typer.echo("\nFiles:\n" + "\n".join(f"  {path}" for path in paths))
         if no_model:
             typer.echo(no_model, err=True)
             raise typer.Exit(FAILED)

@@ -4,10 +4,15 @@ from typing import Annotated
 
 import typer
 
+from crossmodal.diagrams.commands.completion import complete_key
+
 SetOption = Annotated[
     list[str] | None,
     typer.Option(
-        "--set", metavar="KEY.PATH=VALUE", help="Replace one value of the scenario; repeatable."
+        "--set",
+        metavar="KEY.PATH=VALUE",
+        help="Replace one value of the scenario; repeatable.",
+        autocompletion=complete_key,
     ),
 ]
 StreamOption = Annotated[
@@ -18,7 +23,7 @@ StreamOption = Annotated[
     ),
 ]
 VerboseOption = Annotated[
-    bool, typer.Option("-v", "--verbose", help="Print what happens, as log.txt will have it.")
+    bool, typer.Option("-v", "--verbose", help="Print what happens while it happens.")
 ]
 QuietOption = Annotated[bool, typer.Option("-q", "--quiet", help="Print only what goes wrong.")]
 ForceOption = Annotated[

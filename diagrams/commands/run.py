@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from crossmodal.diagrams.commands.completion import complete_modalities, complete_scenario
 from crossmodal.diagrams.commands.endings import GentleInterrupt, one_line_errors
-from crossmodal.diagrams.commands.listings import complete_scenario
 from crossmodal.diagrams.commands.options import (
     ForceOption,
     QuietOption,
@@ -107,7 +107,8 @@ def run_command(
     modalities: Annotated[
         str | None,
         typer.Option(
-            help="Comma-separated: which of the scenario's estimators run. [default: all]"
+            help="Comma-separated: which of the scenario's estimators run. [default: all]",
+            autocompletion=complete_modalities,
         ),
     ] = None,
     duration: Annotated[float | None, typer.Option(help="Longest simulated time, [s].")] = None,

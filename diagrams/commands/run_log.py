@@ -17,29 +17,33 @@ class RunLog:
 
     Attributes:
         is_quiet: Whether only what went wrong is printed.
+        is_verbose: Whether each line is printed when it is noted.
 
     Args:
         verbose: Print each line when it is noted.
         quiet: Print only what went wrong.
+        command: What is run; by default this program with its arguments.
     """
 
-    def __init__(self, *, verbose: bool = False, quiet: bool = False) -> None:
-        self.is_quiet = quiet
-        self._verbose, self._start, self._lines = verbose and not quiet, time.monotonic(), [""]
+    def __init__(self, *, verbose: bool = False, quiet: bool = False, command: str = "") -> None:
+        self.is_quiet, self.is_verbose = quiet, verbose and not quiet
+        self._start = time.monotonic()
         now = datetime.datetime.now().astimezone().isoformat(timespec="seconds")
-        self._lines = [f"{now}: crossmodal {' '.join(sys.argv[1:])}"]
+        self._lines = [f"{now}: {command or ' '.join(['crossmodal', *sys.argv[1:]])}"]
+        if self.is_verbose:
+            typer.echo(self._lines[0], err=True)
 
     def note(self, text: str) -> None:
         """Keeps a line."""
         line = f"{time.monotonic() - self._start:8.2f} s  {text}"
         self._lines.append(line)
-        if self._verbose:
+        if self.is_verbose:
             typer.echo(line, err=True)
 
     def begin(self, text: str) -> None:
         """Keeps a line that tells a person at the terminal what they wait for."""
         self.note(text)
-        if not self.is_quiet and not self._verbose and sys.stderr.isatty():
+        if not self.is_quiet and not self.is_verbose and sys.stderr.isatty():
             typer.echo(f"{text} ...", err=True)
 
     def say(self, text: str) -> None:
@@ -54,18 +58,18 @@ class RunLog:
 
     def text(self, record: "EpisodeRecord") -> str:
         """All lines and, after them, what happened in the episode, in simulated time."""
+        return "\n".join([*self._lines, *self.ending(record), ""])
+
+    def ending(self, record: "EpisodeRecord") -> list[str]:
+        """Lines with the versions and what happened in the episode, in simulated time."""
         from crossmodal.diagrams.run.folder.fingerprint import versions
 
         computed = ", ".join(f"{name} {version}" for name, version in versions().items())
         events = [f"{event.time:8.2f} s  {event.name}" for event in record.events]
         ended = "interrupted" if record.interrupted else "ended"
-        return "\n".join(
-            [
-                *self._lines,
-                f"Versions: {computed}.",
-                "Events, in simulated time:",
-                *events,
-                f"{record.duration:8.2f} s  {ended}; {record.wall_time:.1f} s of computing",
-                "",
-            ]
-        )
+        return [
+            f"Versions: {computed}.",
+            "Events, in simulated time:",
+            *events,
+            f"{record.duration:8.2f} s  {ended}; {record.wall_time:.1f} s of computing",
+        ]

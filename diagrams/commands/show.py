@@ -9,8 +9,8 @@ from typing import Annotated
 
 import typer
 
+from crossmodal.diagrams.commands.completion import complete_key, complete_scenario
 from crossmodal.diagrams.commands.endings import one_line_errors
-from crossmodal.diagrams.commands.listings import complete_scenario
 
 EXAMPLES = (
     "Examples:  crossmodal show drawer control.exploration   |   crossmodal show drawer"
@@ -30,12 +30,15 @@ def show_command(
     key: Annotated[
         str,
         typer.Argument(help="Of a scenario, a value or a part of it. [default: all]",
-                       metavar="[KEY]"),
+                       metavar="[KEY]", autocompletion=complete_key),
     ] = "",
     set_: Annotated[
         list[str] | None,
         typer.Option(
-            "--set", metavar="KEY.PATH=VALUE", help="Of a scenario, replace a value; repeatable."
+            "--set",
+            metavar="KEY.PATH=VALUE",
+            help="Of a scenario, replace a value; repeatable.",
+            autocompletion=complete_key,
         ),
     ] = None,
     port: Annotated[

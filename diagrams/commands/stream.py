@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from crossmodal.diagrams.commands.completion import complete_from
 from crossmodal.diagrams.commands.endings import one_line_errors
 from crossmodal.diagrams.commands.options import ForceOption, SetOption
 
@@ -19,7 +20,12 @@ EXAMPLES = (
 def stream_command(
     run: Annotated[Path, typer.Argument(help="Folder of a run with --record-sensors.")],
     to: Annotated[
-        str, typer.Option(metavar="FILE.mcap|foxglove[:PORT]", help="A file, or a live viewer.")
+        str,
+        typer.Option(
+            metavar="FILE.mcap|foxglove[:PORT]",
+            help="A file, or a live viewer.",
+            autocompletion=complete_from("foxglove"),
+        ),
     ],
     force: ForceOption = False,
     overrides: SetOption = None,

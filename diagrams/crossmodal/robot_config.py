@@ -43,6 +43,7 @@ class ControlConfig:
     posture: np.ndarray = numbers(
         np.array([-0.6, 0.9, 0.45, 1.5, -3.65, 0.7, 0.0]), at_least=-10.0, at_most=10.0, unit="rad"
     )
-    # How well a person guides the hand to the handle, standard deviations.
+    # How well a person guides the hand to the handle, 1 sigma.
     guidance_translation: float = number(0.004, at_least=0.0, at_most=1.0, unit="m")
+    # How well a person turns the hand to it, 1 sigma.
     guidance_rotation: float = number(0.03, at_least=0.0, at_most=3.2, unit="rad")

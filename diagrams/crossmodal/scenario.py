@@ -55,11 +55,15 @@ class ObjectConfig:
     handle_frame: str = "handle"
     # Of all lengths in an imported file: 0.001 for one in millimetres.
     scale: float = number(1.0, at_least=1e-6, at_most=1e6)
+    # Of the model's frame or, with `place_handle`, of the handle's, in the world.
     position: np.ndarray = numbers(
         np.array([0.865, -0.25, 0.86]), at_least=-100.0, at_most=100.0, unit="m"
     )
+    # About x of the world, first.
     roll: float = number(0.0, at_least=-720.0, at_most=720.0, unit="deg")
+    # About y of the world, second.
     pitch: float = number(0.0, at_least=-720.0, at_most=720.0, unit="deg")
+    # About z of the world, last.
     yaw: float = number(180.0, at_least=-720.0, at_most=720.0, unit="deg")
     # Whether position and yaw are the handle's, with the object upright, or the model frame's.
     place_handle: bool = False
@@ -130,7 +134,9 @@ class Scenario(base.Scenario):
 
     modalities: list[str] = field(default_factory=lambda: list(MODALITIES))
     plant: PlantConfig = field(default_factory=PlantConfig)
+    # What moves the hand and other models that are driven, by the model's name.
     model_drivers: dict[str, ModelDriver] = field(default_factory=lambda: {"hand": ModelDriver()})
+    # By name; `task.object` says which one is explored.
     objects: dict[str, ObjectConfig] = field(default_factory=lambda: {"object": ObjectConfig()})
     cameras: dict[str, CameraConfig] = field(default_factory=_one_camera)
     calibration: CalibrationConfig = field(default_factory=_trusted)

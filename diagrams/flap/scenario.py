@@ -73,8 +73,9 @@ class ToolConfig:
 class CameraVariation:
     """What the seed draws uniformly around the scenario's camera; the robot knows where it is."""
 
-    # Half ranges, of the camera and of the point that it looks at.
+    # Half ranges, of the camera.
     position: np.ndarray = numbers(np.full(3, 0.03), at_least=0.0, at_most=10.0, unit="m")
+    # Half ranges, of the point that the camera looks at.
     looking_at: np.ndarray = numbers(np.full(3, 0.02), at_least=0.0, at_most=10.0, unit="m")
     # Half range of the lamp's intensity, as a share of it.
     lamp: float = number(0.2, at_least=0.0, at_most=1.0)

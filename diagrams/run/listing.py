@@ -37,20 +37,34 @@ class Listing:
 
 
 def description_of(path: Path, known: Mapping[str, Path]) -> str:
-    """What a scenario's file, or the one that it is based on, says that it is.
+    """What a scenario's file, or the one that it is based on, says that it is; or why not.
 
     Args:
         path: Of the file.
         known: Files of the scenarios that have names.
     """
+    try:
+        return said_in(path, "description", known)
+    except ScenarioError as error:
+        return f"cannot be read: {error}"
+
+
+def said_in(path: Path, key: str, known: Mapping[str, Path]) -> str:
+    """What a scenario's file, or the one that it is based on, says of a key; empty: nothing.
+
+    Args:
+        path: Of the file.
+        key: Of the scenario itself, with a text.
+        known: Files of the scenarios that have names.
+
+    Raises:
+        ScenarioError: where a file cannot be read.
+    """
     for _ in range(_MOST_BASES):
-        try:
-            document = read_yaml(path)
-        except ScenarioError as error:
-            return f"cannot be read: {error}"
+        document = read_yaml(path)
         base = document.get("base")
-        if "description" in document or not isinstance(base, str):
-            return str(document.get("description") or "")
+        if key in document or not isinstance(base, str):
+            return str(document.get(key) or "")
         beside = [path.parent / base, path.parent / f"{base}.yaml"]
         path = next((file for file in beside if file.is_file()), known.get(base, Path(base)))
     return ""

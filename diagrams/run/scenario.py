@@ -30,6 +30,7 @@ S = TypeVar("S", bound="Scenario")
 @dataclass(kw_only=True)
 class Interval:
     start: float = number(0.0, at_least=0.0, at_most=86400.0, unit="s")  # Since the episode began.
+    # When it ends, since the episode began.
     end: float = number(float("inf"), above=0.0, at_most=86400.0, unit="s", infinite=True)
 
     def __contains__(self, time: float) -> bool:
@@ -64,9 +65,9 @@ class CameraBump:
 class Disturbances:
     """What goes wrong, and when."""
 
-    lights_off: list[LightsOff] = field(default_factory=list)
-    camera_covered: list[Interval] = field(default_factory=list)
-    camera_bumps: list[CameraBump] = field(default_factory=list)
+    lights_off: list[LightsOff] = field(default_factory=list)  # When lights go off.
+    camera_covered: list[Interval] = field(default_factory=list)  # When the cameras see nothing.
+    camera_bumps: list[CameraBump] = field(default_factory=list)  # Knocks against a camera.
     faults: list[StreamFault] = field(default_factory=list)  # Of what the estimators read.
 
     def camera_displacement(self, time: float, camera: str = "") -> RigidTransform:
@@ -106,8 +107,8 @@ class Disturbances:
 class CameraConfig:
     """Where a camera is and what it sees, as the robot believes; see `calibration.errors`."""
 
-    width: int = number(640, at_least=16, at_most=4096, unit="px")
-    height: int = number(480, at_least=16, at_most=4096, unit="px")
+    width: int = number(640, at_least=16, at_most=4096, unit="px")  # Of its images.
+    height: int = number(480, at_least=16, at_most=4096, unit="px")  # Of its images.
     # Horizontal field of view.
     horizontal_angle: float = number(58.0, at_least=0.1, at_most=179.0, unit="deg")
     base_frame: str = "world"  # The frame P that carries it; of a model as `model::frame`.
@@ -146,8 +147,8 @@ class Scenario:
 
     system: str = ""  # The application that runs it; see `crossmodal list`.
     name: str = ""  # By default the file's.
-    description: str = ""
-    seed: int = number(0, at_least=0, at_most=2**63 - 1)
+    description: str = ""  # One line, for `crossmodal list`.
+    seed: int = number(0, at_least=0, at_most=2**63 - 1)  # Of all that varies by chance.
     # Simulated time after which an episode ends at the latest.
     duration: float = number(40.0, above=0.0, at_most=86400.0, unit="s")
     # How long it goes on when the robot is done.
@@ -156,7 +157,7 @@ class Scenario:
     modalities: list[str] = field(default_factory=list)  # The estimators that run; none: all.
     # Estimators with filters of one's own, which run beside these.
     variants: dict[str, Variant] = field(default_factory=dict)
-    cameras: dict[str, CameraConfig] = field(default_factory=dict)
+    cameras: dict[str, CameraConfig] = field(default_factory=dict)  # By name.
     calibration: CalibrationConfig = field(default_factory=CalibrationConfig)
     disturbances: Disturbances = field(default_factory=Disturbances)
     versions: dict[str, str] = field(default_factory=dict)  # Written into a run's folder.

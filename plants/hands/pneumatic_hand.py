@@ -30,6 +30,7 @@ class PneumaticHandConfig:
     finger_rates: list[float] = numbers(
         [3.0e-6, 4.0e-6, 3.0e-6], at_least=0.0, at_most=0.01, unit="m^3/rad"
     )
+    # Volume per angle of the thumb's three joints, proximal first.
     thumb_rates: list[float] = numbers(
         [1.2e-5, 9.0e-6, 6.0e-6], at_least=0.0, at_most=0.01, unit="m^3/rad"
     )

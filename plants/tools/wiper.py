@@ -32,6 +32,7 @@ class WiperConfig:
     flap_width: np.ndarray = numbers(  # Along the hinge.
         np.array([0.160, 0.240]), at_least=0.05, at_most=0.6, unit="m"
     )
+    # Of the flap's plate.
     flap_thickness: np.ndarray = numbers(
         np.array([0.005, 0.008]), at_least=0.002, at_most=0.03, unit="m"
     )

@@ -44,12 +44,14 @@ class TouchPlannerConfig:
     after_views: int = number(1, at_least=0, at_most=100)
     # A chosen touch that changes the pose by less is the last one; zero: all are made.
     settled_translation: float = number(0.0, at_least=0.0, at_most=1.0, unit="m")
+    # The same for its rotation; the last one changes neither by more.
     settled_rotation: float = number(0.0, at_least=0.0, at_most=180.0, unit="deg")
     # Touches by lot, before others are chosen.
     random_touches: int = number(0, at_least=0, at_most=100)
     # Touches by `criterion`.
     chosen_touches: int = number(4, at_least=0, at_most=100)
     criterion: str = "expected-adi"  # Or log-det, divergence, pruning, random.
+    # Touches that are drawn by lot, of which one is chosen.
     candidates: int = number(1000, at_least=1, at_most=100000)
     # Of these, the best that are not alike, and that a robot is asked whether it can make them.
     asked: int = number(60, at_least=1, at_most=100000)

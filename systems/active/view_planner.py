@@ -41,9 +41,10 @@ VIEW_CRITERIA = ("entropy", "random", "same")
 class ViewPlannerConfig:
     """How many views there are, and by what they are chosen."""
 
-    count: int = number(1, at_least=0, at_most=20)
+    count: int = number(1, at_least=0, at_most=20)  # Of views at most.
     # A view that changes the pose by less is the last one; zero: all are taken.
     settled_translation: float = number(0.0, at_least=0.0, at_most=1.0, unit="m")
+    # The same for its rotation; the last one changes neither by more.
     settled_rotation: float = number(0.0, at_least=0.0, at_most=180.0, unit="deg")
     # The expected fall in entropy (entropy), a lot (random), or where the first one was (same).
     criterion: str = "entropy"
@@ -53,13 +54,14 @@ class ViewPlannerConfig:
     elevation: np.ndarray = numbers(
         np.array([20.0, 60.0]), at_least=-80.0, at_most=80.0, unit="deg", shape=(2,)
     )
-    # Candidates: so many directions around, at so many elevations.
+    # Candidates are so many directions around, at each of the elevations.
     around: int = number(24, at_least=1, at_most=1000)
-    elevations: int = number(4, at_least=1, at_most=100)
+    elevations: int = number(4, at_least=1, at_most=100)  # Of the candidates, how many.
     # Edge of a cell of the occupancy grid.
     cell: float = number(0.01, at_least=1e-3, at_most=1.0, unit="m")
-    # Rays by which a candidate is judged, along each side of its image, and half its angle.
+    # Rays by which a candidate is judged, along each side of its image.
     rays: int = number(50, at_least=1, at_most=1000)
+    # Half the angle that the camera sees, along each side.
     half_angle: float = number(20.0, above=0.0, below=90.0, unit="deg")
 
 

@@ -33,8 +33,9 @@ class PushConfig:
     # Free way of the finger before it meets the object, which may be nearer than it seems: two
     # standard deviations of what camera and arm, each 3 mm off, make of it.
     gap: float = number(0.009, at_least=0.0, at_most=0.1, unit="m")
-    # Of the push, from the contact on: as long as it takes, between these two.
+    # Of the push, from the contact on, at least; it is as long as it takes.
     shortest: float = number(0.06, above=0.0, at_most=1.0, unit="m")
+    # Of the push, from the contact on, at most.
     longest: float = number(0.2, above=0.0, at_most=1.0, unit="m")
     # Distance from the target to which it takes the object: beyond mu_d by more than outlines err,
     # and by as much as what turns when pushed stays behind.

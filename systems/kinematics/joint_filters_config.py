@@ -14,10 +14,12 @@ class TypePriorsConfig:
     The defaults know next to nothing: all types are as likely, but a screw half as much.
     """
 
-    prismatic: float = number(0.2, above=0.0, at_most=1000.0)
-    revolute: float = number(0.2, above=0.0, at_most=1000.0)
+    prismatic: float = number(0.2, above=0.0, at_most=1000.0)  # Of a joint that slides.
+    revolute: float = number(0.2, above=0.0, at_most=1000.0)  # Of a joint that turns.
+    # Of a joint that turns and slides at once.
     screw: float = number(0.1, above=0.0, at_most=1000.0)
-    rigid: float = number(0.2, above=0.0, at_most=1000.0)
+    rigid: float = number(0.2, above=0.0, at_most=1000.0)  # Of a joint that does not move.
+    # Of bodies that no joint connects.
     disconnected: float = number(0.2, above=0.0, at_most=1000.0)
 
 

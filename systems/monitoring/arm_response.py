@@ -22,8 +22,9 @@ from crossmodal.systems.port_values import SampleWindow
 
 @dataclass(kw_only=True)
 class ArmResponseConfig:
-    # How long the rates are looked at before the step, and from it on.
+    # How long the rates are looked at before the step.
     before: float = number(0.05, at_least=1e-3, at_most=1.0, unit="s")
+    # How long the rates are looked at from the step on.
     after: float = number(0.03, at_least=1e-3, at_most=1.0, unit="s")
     # Least samples of each.
     samples: int = number(4, at_least=2, at_most=1000)

@@ -24,6 +24,7 @@ class EndEffectorPoseConfig(Ticked):
     noise = SensorNoise()
     # Velocity of an arm that holds something still, 1 sigma.
     angular_velocity: float = number(0.01, at_least=1e-9, at_most=100.0, unit="rad/s")
+    # Velocity along an axis of such an arm, 1 sigma.
     linear_velocity: float = number(0.005, at_least=1e-9, at_most=100.0, unit="m/s")
 
 

@@ -13,8 +13,10 @@ from crossmodal.systems.ticks import Ticked
 
 @dataclass(kw_only=True)
 class GraspModelConfig(Ticked):
-    # Probabilities when the hand closes, if it holds the body; the rest is a cylindrical grasp's.
+    # Probability of a firm grasp when the hand closes, if it holds the body; what this and
+    # `prior_revolute` leave is a cylindrical grasp's.
     prior_perfect: float = number(0.72, above=0.0, below=1.0)
+    # Probability of a grasp about which the body turns, if the hand holds it.
     prior_revolute: float = number(0.21, above=0.0, below=1.0)
     hand = HandConfig()
     # Standard deviation of the bar's direction.

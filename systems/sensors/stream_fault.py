@@ -42,7 +42,8 @@ class StreamFault:
 
     stream: str = ""  # The port that fails, such as wrench_window.
     kind: str = "silent"  # One of `FAULTS`.
-    start: float = number(0.0, at_least=0.0, at_most=86400.0, unit="s")
+    start: float = number(0.0, at_least=0.0, at_most=86400.0, unit="s")  # Since the episode began.
+    # When it ends, since the episode began.
     end: float = number(float("inf"), above=0.0, at_most=86400.0, unit="s", infinite=True)
     size: list[float] = numbers([], at_least=-1e9, at_most=1e9, shape=(range(0, 65),))
 

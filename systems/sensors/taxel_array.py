@@ -21,10 +21,11 @@ from crossmodal.systems.ticks import NETWORK_PERIOD
 class TaxelArrayFault:
     """An array of taxels that reads one value for a time, whatever is pressed on it."""
 
-    array: str = ""
+    array: str = ""  # Its name in the gripper.
     # Of each component of each of its taxels; zero for a silent array.
     reading: float = number(0.0, at_least=-1000.0, at_most=1000.0, unit="N")
-    start: float = number(0.0, at_least=0.0, at_most=86400.0, unit="s")
+    start: float = number(0.0, at_least=0.0, at_most=86400.0, unit="s")  # Since the episode began.
+    # When it ends, since the episode began.
     end: float = number(float("inf"), above=0.0, at_most=86400.0, unit="s", infinite=True)
 
 
@@ -37,7 +38,8 @@ class TaxelArrayConfig:
     largest: float = number(3.0, above=0.0, at_most=1000.0, unit="N")  # Beyond it, it saturates.
     # Touches per second on the whole gripper that no object causes: `false_force` on one taxel.
     false_contacts: float = number(0.0, at_least=0.0, at_most=10.0, unit="1/s")
-    false_force: float = number(0.3, at_least=0.0, at_most=100.0, unit="N")
+    false_force: float = number(0.3, at_least=0.0, at_most=100.0, unit="N")  # Of such a touch.
+    # How long such a touch lasts.
     false_time: float = number(0.05, at_least=1e-3, at_most=10.0, unit="s")
 
 

@@ -24,9 +24,10 @@ _EDGE = 2.5
 class TaxelFault:
     """A taxel that reads one value for a time, whatever is pressed on it."""
 
-    taxel: int = number(0, at_least=0, at_most=1000)
+    taxel: int = number(0, at_least=0, at_most=1000)  # Its number, from 0 on.
     reading: float = number(0.0, at_least=0.0, at_most=1000.0, unit="N")  # 0 for a dead one.
-    start: float = number(0.0, at_least=0.0, at_most=86400.0, unit="s")
+    start: float = number(0.0, at_least=0.0, at_most=86400.0, unit="s")  # Since the episode began.
+    # When it ends, since the episode began.
     end: float = number(float("inf"), above=0.0, at_most=86400.0, unit="s", infinite=True)
 
 

@@ -19,8 +19,9 @@ class ContactFeaturesConfig:
     noise = SensorNoise()
     # Force of a taxel from which on it counts.
     least_force: float = number(0.025, at_least=0.0, at_most=10.0, unit="N")
-    # Total force at which a contact begins, and at which it ends.
+    # Total force at which a contact begins.
     touch_force: float = number(0.08, above=0.0, at_most=10.0, unit="N")
+    # Total force at which a contact ends.
     release_force: float = number(0.04, at_least=0.0, at_most=10.0, unit="N")
     # Error of a contact between taxels, as a share of their distance from it, 1 sigma.
     spacing_share: float = number(0.1, at_least=0.0, at_most=1.0)
@@ -34,9 +35,11 @@ class ContactFeaturesConfig:
     edge_ratio: float = number(2.0, at_least=1.0, at_most=100.0)
     # A pressed taxel is noisy: one that reads the same for so long is stuck.
     stuck_after: float = number(0.1, at_least=1e-3, at_most=3600.0, unit="s", infinite=True)
-    # A taxel so near to a contact of so much force is pressed: one that is silent there is dead.
+    # A taxel so near to a firm contact is pressed: one that is silent there is dead.
     near: float = number(0.006, at_least=0.0, at_most=1.0, unit="m")
+    # Force of a contact that a taxel near it has to feel.
     firm_force: float = number(0.3, at_least=0.0, at_most=10.0, unit="N")
+    # How long a taxel that is pressed may be silent before it counts as dead.
     dead_after: float = number(0.3, at_least=1e-3, at_most=3600.0, unit="s", infinite=True)
 
 

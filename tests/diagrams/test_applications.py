@@ -9,6 +9,7 @@ from typer.testing import CliRunner
 
 from crossmodal.diagrams.applications import (
     OWN,
+    ApplicationWarning,
     applications,
     experiments,
     find_scenario,
@@ -184,25 +185,34 @@ def test_an_unknown_system_lists_the_known_ones(tmp_path: Path, system: str) -> 
         (TOY.format(name="crossmodal"), "there are two applications 'crossmodal'"),
     ],
 )
-@pytest.mark.parametrize("command", [["list"], ["run", "drawer"], ["evaluate", "drawer"]])
-def test_what_is_no_application_is_said_in_one_line_with_status_two(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    text: str | None,
-    expected: str,
-    command: list[str],
+def test_what_is_no_application_is_left_out_with_a_warning_of_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str | None, expected: str
 ) -> None:
     path = tmp_path / "mine.py"
     if text is not None:
         path.write_text(text)
-    monkeypatch.chdir(tmp_path)
     monkeypatch.setenv(OWN, str(path))
-    with pytest.raises(ScenarioError, match=expected):
-        applications()
-    result = RUNNER.invoke(app, command)
-    assert result.exit_code == 2, result.output
-    assert result.stderr.startswith("crossmodal: ")
-    assert result.stderr.count("\n") == 1
+    with pytest.warns(ApplicationWarning, match=f"{expected}.*left out"):
+        assert list(applications()) == ["crossmodal", "flap", "clutter"]
+
+
+def test_a_broken_application_ends_no_command_that_does_without_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "mine.yaml").write_text("system: mine\n")
+    monkeypatch.chdir(tmp_path)
+    for number, (command, status) in enumerate(
+        [(["list"], 0), (["show", "drawer", "seed"], 0), (["run", "mine.yaml"], 2)]
+    ):
+        (tmp_path / f"mine{number}.py").write_text("import no_such_module\n")
+        monkeypatch.setenv(OWN, f"mine{number}.py")
+        result = RUNNER.invoke(app, command)
+        assert result.exit_code == status, result.output
+        warning, *rest = result.stderr.splitlines()
+        assert "warning: application" in warning
+        assert "No module named 'no_such_module'; it is left out" in warning
+        assert len(rest) == (status == 2)
+        assert bool(result.stdout) == (status == 0)
 
 
 def test_an_installed_package_names_its_applications_as_entry_points(
@@ -222,7 +232,7 @@ def test_an_installed_package_names_its_applications_as_entry_points(
 
 def test_a_module_that_there_is_not_is_said_too(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(OWN, "no.such.module")
-    with pytest.raises(ScenarioError, match=r"'no\.such\.module' cannot be had"):
+    with pytest.warns(ApplicationWarning, match=r"'no\.such\.module' cannot be had"):
         applications()
 
 

@@ -52,7 +52,10 @@ def inspected(
         return lines + notes, None
     base = load([])
     if not isinstance(base, Scenario):
-        raise ScenarioError(f"--scenario {scenario}: has no object to be replaced")
+        raise ScenarioError(
+            f"--scenario {scenario}: inspect is for scenarios whose object is grasped and opened,"
+            f" such as drawer; `crossmodal run {scenario} --object FILE` tries a model there"
+        )
     lines.append("Place")
     for frame in frames:
         try:

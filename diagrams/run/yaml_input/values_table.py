@@ -40,6 +40,8 @@ class ValueLine:
 def values_table(config: Any, key: str = "") -> list[ValueLine]:
     """The values at and below a key, in the order of their declarations.
 
+    At and below an empty list of parts stand the defaults of one that would be in it.
+
     Args:
         config: A dataclass with all that is below it.
         key: Path of a value or of a part; all for none.
@@ -48,16 +50,25 @@ def values_table(config: Any, key: str = "") -> list[ValueLine]:
         ScenarioError: for a key that is not there, with those that are.
     """
     at: Any = config
-    meaning, possible = "", ""
+    item: Any = None  # What would be in an empty list.
+    meaning, possible, given = "", "", True
     for depth, name in enumerate(part for part in key.split(".") if part):
         below = _parts(at)
+        if item is not None:
+            below, given = {"0": item}, False
         if name not in below:
             before = ".".join(key.split(".")[:depth])
             where = f"'{key}'" if not before else f"'{key}': there is no '{name}' in '{before}'"
             raise ScenarioError(f"unknown key {where}; {suggestion(name, below)}")
         meaning, possible = _declaration(at, name, meaning)
+        item = _missing_item(at, name)
         at = below[name]
-    return list(_lines(at, key, possible, meaning))
+    lines = list(_lines(at, key, possible, meaning))
+    defaults = [] if item is None else list(_lines(item, f"{key}.0", "", ""))
+    if not given:
+        lines, defaults = [], lines + defaults
+    said = (dataclasses.replace(line, value=f"{line.value} by default") for line in defaults)
+    return [*lines, *said]
 
 
 def unit_at(config: Any, key: str) -> str:
@@ -82,11 +93,21 @@ def unit_at(config: Any, key: str) -> str:
 def _parts(at: Any) -> Mapping[str, Any]:
     if dataclasses.is_dataclass(at):
         return {field.name: getattr(at, field.name) for field in dataclasses.fields(at)}
+    if isinstance(at, list) and any(map(dataclasses.is_dataclass, at)):
+        return {str(index): item for index, item in enumerate(at)}
     return at if isinstance(at, Mapping) else {}
 
 
+def _missing_item(at: Any, name: str) -> Any:
+    """What could be in a field that is an empty list of dataclasses; None for any other field."""
+    if not dataclasses.is_dataclass(at) or getattr(at, name) != []:
+        return None
+    kinds = get_args(get_type_hints(type(at))[name])
+    return next((kind() for kind in kinds if dataclasses.is_dataclass(kind)), None)
+
+
 def _declaration(at: Any, name: str, inherited: str) -> tuple[str, str]:
-    """Meaning and possible values of one field; of a mapping's item those of the mapping."""
+    """Meaning and possible values of one field; of a mapping's or list's item those of that."""
     if not dataclasses.is_dataclass(at):
         return inherited, ""
     field = next(field for field in dataclasses.fields(at) if field.name == name)
@@ -111,8 +132,6 @@ def _lines(at: Any, key: str, possible: str, meaning: str) -> Iterator[ValueLine
 def _written(value: Any) -> str:
     if isinstance(value, np.ndarray):
         value = value.tolist()
-    if isinstance(value, list) and any(map(dataclasses.is_dataclass, value)):
-        return f"{len(value)} of {type(value[0]).__name__}"
     if isinstance(value, float):
         return f"{value:g}"
     if isinstance(value, list):

@@ -2,6 +2,9 @@
 
 import subprocess
 from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
 
 from crossmodal.diagrams.applications import load_scenario
 from crossmodal.diagrams.commands.episode import run_here
@@ -25,3 +28,19 @@ def test_what_it_raises_is_kept_with_its_reason_first(tmp_path: Path) -> None:
     lines = (tmp_path / "error.txt").read_text().splitlines()
     assert "duratoin" in lines[0]
     assert lines[2].startswith("Traceback")
+
+
+def test_its_log_says_what_that_of_a_run_does(
+    tmp_path: Path, fake_episode: SimpleNamespace, capfd: pytest.CaptureFixture[str]
+) -> None:
+    fake_episode.warning = "the light is dim"
+    write_scenario(tmp_path, *load_scenario("drawer"))
+    assert run_here(tmp_path) == 0
+    lines = capfd.readouterr().err.splitlines()
+    assert lines[0].endswith(f"python -m crossmodal.diagrams.commands.episode {tmp_path}")
+    assert [line for line in lines if "dim" in line] == [
+        line for line in lines if line.endswith(" s  warning: the light is dim")
+    ]
+    for text in ("s  Building the simulation of drawer, seed 0", "Versions: ", "ended; "):
+        assert sum(text in line for line in lines) == 1
+    assert lines[lines.index("Events, in simulated time:") + 1].endswith("closing")

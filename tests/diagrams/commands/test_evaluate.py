@@ -42,6 +42,22 @@ def in_this_process(monkeypatch: pytest.MonkeyPatch, fake_episode: types.SimpleN
 
 
 @pytest.mark.usefixtures("in_this_process")
+def test_evaluate_says_more_or_less_as_it_is_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+    table = Path("table.md")
+    table.write_text("| a table |")
+    reports = "crossmodal.diagrams.evaluation.campaign_report.write_campaign"
+    monkeypatch.setattr(reports, lambda campaign, origin: [table])
+    command = ["evaluate", "drawer", "--seeds", "1", "--out", "here"]
+    first = RUNNER.invoke(app, [*command, "-v"])
+    assert first.exit_code == 0, first.output
+    assert "s  drawer: 0 of 1 episodes are there" in first.stderr
+    assert "s  drawer, seed 0: has ended" in first.stderr
+    assert "| a table |" in first.stdout
+    again = RUNNER.invoke(app, [*command, "-q"])
+    assert (again.exit_code, again.output) == (0, "")
+
+
+@pytest.mark.usefixtures("in_this_process")
 def test_evaluate_goes_on_where_it_was_and_reports_failures(
     fake_episode: types.SimpleNamespace,
 ) -> None:

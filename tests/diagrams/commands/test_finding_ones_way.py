@@ -6,14 +6,14 @@ from types import SimpleNamespace
 import pytest
 from typer.testing import CliRunner
 
-from crossmodal.diagrams.applications import applications, load_scenario, scenarios_of
+from crossmodal.diagrams.applications import OWN, applications, load_scenario, scenarios_of
 from crossmodal.diagrams.command_line import app
-from crossmodal.diagrams.commands.listings import (
+from crossmodal.diagrams.commands.completion import (
     complete_connection,
     complete_experiment,
     complete_scenario,
-    listings,
 )
+from crossmodal.diagrams.commands.listings import listings
 from crossmodal.diagrams.run.listing import description_of
 
 RUNNER = CliRunner()
@@ -48,6 +48,57 @@ def test_names_are_completed_with_what_they_are() -> None:
     assert complete_connection("no such connection") == []
 
 
+def completed(words: str) -> list[str]:
+    """What bash offers for the last of the words."""
+    environment = {
+        "_CROSSMODAL_COMPLETE": "complete_bash",
+        "COMP_WORDS": words,
+        "COMP_CWORD": str(words.count(" ")),
+    }
+    result = RUNNER.invoke(app, [], env=environment, prog_name="crossmodal")
+    assert (result.exit_code, result.stderr) == (0, ""), result.output
+    return result.stdout.split()
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        ("show drawer perception.hand_bending.cr", "perception.hand_bending.creep"),
+        ("run drawer --set control.sequence.stop", "control.sequence.stop_time"),
+        ("run --seed 3 drawer --set task.go", "task.goal"),
+        ("evaluate flap --set control.sequence.an", "control.sequence.angle"),
+        ("replay run --set perception.hand_bending.cr", "perception.hand_bending.creep"),
+        ("run drawer --modalities vision,cr", "vision,crossmodal"),
+        ("diagram drawer --modality cr", "crossmodal"),
+        ("diagram cupboard-door-m", "cupboard-door-miscalibrated"),
+        ("inspect x.sdf --scenario cupboard-door-m", "cupboard-door-miscalibrated"),
+        ("export run --to u", "urdf"),
+        ("joints x.csv --to s", "sdf"),
+        ("stream run --to f", "foxglove"),
+    ],
+)
+def test_what_there_is_is_completed(words: str, expected: str) -> None:
+    Path("run").mkdir()
+    Path("run/scenario.yaml").write_text("base: drawer\nsystem: crossmodal\n")
+    assert completed(f"crossmodal {words}") == [expected]
+
+
+def test_a_completion_prints_nothing_where_something_is_broken(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    Path("broken_here.py").write_text("print('hello')\nimport no_such_module\n")
+    Path("bad.yaml").write_text("system: crossmodal\nduratoin: 3\n")
+    monkeypatch.setenv(OWN, "broken_here.py")
+    assert completed("crossmodal run cupboard-door-m") == ["cupboard-door-miscalibrated"]
+    for words in (
+        "show bad.yaml dur",
+        "show nothing dur",
+        "run --set dur",
+        "evaluate none --set d",
+    ):
+        assert completed(f"crossmodal {words}") == []
+
+
 def test_files_are_completed_where_no_scenario_begins_so() -> None:
     Path("mine").mkdir()
     Path("mine.yaml").touch()
@@ -61,11 +112,18 @@ def test_files_are_completed_where_no_scenario_begins_so() -> None:
         (["drawer"], ["--object", "--grasp-frame", "--scale"], []),
         (["pose"], ["--object", "--scale"], ["--grasp-frame", "--pull-direction"]),
         (["flap"], ["--object"], ["--grasp-frame", "--scale"]),
+        (["--seed", "3", "flap"], ["--object"], ["--grasp-frame", "--scale"]),
+        (["--modalities", "vision", "drawer"], ["--object", "--grasp-frame", "--scale"], []),
+        (["my_flap.yaml"], ["--object"], ["--grasp-frame", "--scale"]),
+        (["mine.yaml", "--out", "drawer"], ["--object"], ["--grasp-frame", "--scale"]),
+        (["none.yaml"], ["--object", "--grasp-frame", "--scale"], []),
     ],
 )
 def test_help_after_a_scenario_leaves_out_what_its_application_has_no_use_for(
     scenario: list[str], shown: list[str], hidden: list[str]
 ) -> None:
+    Path("my_flap.yaml").write_text("base: flap-jerked\n")
+    Path("mine.yaml").write_text("system: flap\n")
     options = RUNNER.invoke(app, ["run", *scenario, "--help"]).output.partition("Examples:")[0]
     assert all(f"{name} " in options for name in shown)
     assert not any(f"{name} " in options for name in hidden)

@@ -60,3 +60,22 @@ def test_what_cannot_be_inspected_is_answered_in_one_line(arguments: list[str]) 
     lines = [line for line in result.stderr.splitlines() if "warning:" not in line]
     assert len(lines) == 1
     assert lines[0].startswith("crossmodal: ")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ([str(EXAMPLE), "--drafts", "d"], "--drafts d: {} is no recording"),
+        (["a.bag", "--scale", "2"], "--scale 2.0: a.bag is a recording"),
+        (["a.bag", "--out", "a.png"], "--out a.png: a.bag is a recording"),
+        (["a.bag", "--joint", "lid"], "--joint lid: a.bag is a recording"),
+        (["a.bag", "--scenario", "press"], "--scenario press: a.bag is a recording"),
+        ([str(EXAMPLE), "--scenario", "flap"], "crossmodal run flap --object FILE"),
+    ],
+)
+def test_an_option_that_would_do_nothing_is_refused(arguments: list[str], message: str) -> None:
+    Path("a.bag").touch()
+    result = RUNNER.invoke(app, ["inspect", *arguments])
+    assert result.exit_code == 2, result.output
+    assert message.format(EXAMPLE) in result.stderr
+    assert result.stderr.count("\n") == 1

@@ -80,6 +80,7 @@ def test_repeats_become_one_model_that_is_not_overwritten(tmp_path: Path) -> Non
     assert "joint.sdf" in joints(*options)
     assert "replace them with --force" in joints(*options, code=2)
     assert joints(*options, "--force").startswith("prismatic, p = 1.000")
+    assert joints(*options, "--force", "--quiet") == ""
     origin = pd.read_csv(tmp_path / "drawer/configuration.csv")["file"]
     assert origin.drop_duplicates().tolist() == DRAWERS
     assert origin.value_counts()[DRAWERS[0]] == len(Path(DRAWERS[0]).read_text().split()) // 3

@@ -1,5 +1,6 @@
 """`crossmodal inspect`."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
 
@@ -100,7 +101,7 @@ def inspect_command(
         typer.echo("\n".join(lines))
 
 
-def _refuse(given: dict[str, object], why: str) -> None:
+def _refuse(given: Mapping[str, object], why: str) -> None:
     """Refuses the first option that would do nothing."""
     from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 

@@ -10,7 +10,7 @@ import tokenize
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, get_args, get_origin, get_type_hints
+from typing import Any, cast, get_args, get_origin, get_type_hints
 
 import numpy as np
 
@@ -103,7 +103,7 @@ def _missing_item(at: Any, name: str) -> Any:
     if not dataclasses.is_dataclass(at) or getattr(at, name) != []:
         return None
     kinds = get_args(get_type_hints(type(at))[name])
-    return next((kind() for kind in kinds if dataclasses.is_dataclass(kind)), None)
+    return next((cast(type, kind)() for kind in kinds if dataclasses.is_dataclass(kind)), None)
 
 
 def _declaration(at: Any, name: str, inherited: str) -> tuple[str, str]:

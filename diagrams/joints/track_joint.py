@@ -119,17 +119,24 @@ def as_table(found: JointEstimate) -> pd.DataFrame:
     )
 
 
-def drawn(found: JointEstimate, title: str) -> Figure:
-    """The configuration over time with two deviations, and the poses' distances from the path."""
+def drawn(found: JointEstimate, title: str, files: Sequence[str] = ()) -> Figure:
+    """The configuration over time with two deviations, and the poses' distances from the path.
+
+    Args:
+        files: That each pose is from (N,), each with a band of its own; none where all are of one.
+    """
     unit, factor = in_units(found)
     color, times = JOINT[found.type], found.track.times
-    order = np.argsort(times, kind="stable")
     with rc_context(STYLE):
         figure = new_figure(8.0, 5.0)
         above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
-        q, spread = factor * found.q[order], 2.0 * factor * found.q_deviation[order]
-        above.fill_between(times[order], q - spread, q + spread, color=color, alpha=0.25, lw=0)
-        above.plot(times[order], q, ".", color=color, ms=3)
+        q, spread = factor * found.q, 2.0 * factor * found.q_deviation
+        low, high, origin = q - spread, q + spread, np.array(files or [""] * len(times))
+        for file in np.unique(origin):
+            own = np.flatnonzero(origin == file)
+            own = own[np.argsort(times[own], kind="stable")]
+            above.fill_between(times[own], low[own], high[own], color=color, alpha=0.25, lw=0)
+        above.plot(times, q, ".", color=color, ms=3)
         above.set(title=f"{title}: {found.type}, p = {found.probability:.3f}")
         above.set_ylabel(f"configuration, ± 2σ [{unit}]")
         below.plot(times, 1e3 * found.distance[:, 1], ".", color="#444444", ms=3)
@@ -156,7 +163,7 @@ def write_results(
     from crossmodal.diagrams.run.folder.written_files import write_atomically, write_text
 
     text = yaml.safe_dump(as_values(found, notes), sort_keys=False, default_flow_style=None)
-    figure = drawn(found, title)
+    figure = drawn(found, title, files)
     table = as_table(found).assign(file=files)
     return [
         write_text(folder / "joint.yaml", text),

@@ -159,6 +159,11 @@ class Episode:
         video_file: Path | None = None,
         sink: "Sink | None" = None,
     ) -> None:
+        if scenario.replay:
+            raise ScenarioError(
+                f"{scenario.name}: is of a recording, which is not simulated; repeat it by"
+                f" `crossmodal replay {scenario.replay} --calibration ... --topics ...`"
+            )
         self._video_file, self._sink = video_file, sink
         self._video: VideoWriter | None = None
         self._scenario = scenario

@@ -54,7 +54,11 @@ def check_recorded(folder: Path) -> Path:
     """
     for needed, remedy in (
         (SCENARIO_FILE, "name the folder of a run"),
-        (SENSORS_FILE, "record one with `crossmodal run ... --record-sensors`"),
+        (
+            SENSORS_FILE,
+            "record one with `crossmodal run ... --record-sensors`, or, where it is the replay of a"
+            f" recording, have it named by `crossmodal run {folder / SCENARIO_FILE}`",
+        ),
     ):
         if not (folder / needed).is_file():
             raise ScenarioError(f"{folder}: holds no {needed}; {remedy}")

@@ -26,6 +26,12 @@ def short_episode(*overrides: str) -> JointEpisode:
     return joint_episode(run_episode(application, scenario))
 
 
+def test_what_is_of_a_recording_is_not_simulated() -> None:
+    application, scenario = load_scenario("drawer", ["replay=kitchen.bag --robot wam"])
+    with pytest.raises(ScenarioError, match=r"repeat it by `crossmodal replay kitchen.bag --rob"):
+        run_episode(application, scenario)
+
+
 @pytest.fixture(scope="module")
 def episode() -> JointEpisode:
     return short_episode()

@@ -163,7 +163,7 @@ def test_errors_end_well_below_one_frame_s_noise(joint: JointType) -> None:
     scene = Scene(joint=joint, seconds=15.0)
     lever = 1.0 if joint == PRISMATIC else scene.radius
     errors = []
-    for seed in range(15):
+    for seed in range(9):
         run = simulate(scene, seed)
         filters, states = filter_states(scene, run)
         m = filters.belief(states[-1]).models[joint]

@@ -151,10 +151,7 @@ def test_a_drawer_that_bends_like_a_hinge_far_away_is_none(sigma: float) -> None
 
 @pytest.mark.parametrize(("joint", "least"), [("door", 8), ("drawer", 7)])
 def test_a_path_that_bends_is_no_proof_of_another_joint(joint: str, least: int) -> None:
-    """With independent deviations 4 and 5 of 10 are right, and a quarter of the axes inside.
-
-    The bound of the axes was .4 before rotations might err smoothly, which is a price of that.
-    """
+    """With independent deviations 4 and 5 of 10 are right, and a quarter of the axes inside."""
     case, filters = CASES[f"{joint}, bent by 2 mm, 1 mm"], JointFilters(JointFiltersConfig())
     outcomes = [evaluate_case(case, seed, filters) for seed in range(10)]
     assert sum(outcome.type == case.joint for outcome in outcomes) >= least

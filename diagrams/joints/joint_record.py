@@ -40,7 +40,8 @@ def joint_rows(tick: Tick, series: JointSeries, k: int, truth: Truth) -> list[Ro
 
     Quantities:
 
-    - `configuration` [m or rad], since the grasp, and `configuration_rate` [per s];
+    - `configuration` [m or rad], since the grasp, and `configuration_rate` [per s]; the truth is
+      NaN while the likeliest type has another unit than the true one;
     - `axis` (x, y, z) in the world, turned to the side of the true axis; `point` (x, y, z), [m],
       on the axis of a revolute joint or a screw, with the nearest true point;
     - `pitch` of a screw, [m/rad];
@@ -66,7 +67,8 @@ def _belief_rows(joint: JointBelief, series: JointSeries, k: int, truth: Truth) 
         rows.append(scalar("type_probability", probability, str(joint_type), true=is_true))
     rows += _fit_rows(joint)
     if not np.isnan(series.configuration[k]):
-        std, true = series.configuration_std[k], series.opening[k]
+        has_unit = not np.isnan(series.error[k])
+        std, true = series.configuration_std[k], series.opening[k] if has_unit else math.nan
         rows.append(scalar("configuration", series.configuration[k], std=std, true=true))
     if joint.type not in MOVING_TYPES:
         return rows

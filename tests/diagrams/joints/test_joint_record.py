@@ -7,10 +7,10 @@ import numpy as np
 from numpy.testing import assert_allclose
 from synthetic_episode import LIGHTS_OFF, empty_episode, synthetic_episode, without_truth
 
-from crossmodal.diagrams.joints.joint_metrics import bodies_of, joint_episode
+from crossmodal.diagrams.joints.joint_metrics import bodies_of, joint_episode, joint_series
 from crossmodal.diagrams.joints.joint_record import joint_rows, summarise_joint
 from crossmodal.diagrams.run.record import EpisodeRecord
-from crossmodal.systems.port_values import BodyMotions
+from crossmodal.systems.port_values import BodyMotions, JointType
 
 JOINT_KEYS = {"name", "type_true", "type_estimated", "probability", "configuration_true",
               "configuration_estimated", "configuration_error", "axis_angle_error",
@@ -77,6 +77,16 @@ def test_without_the_truth_rows_hold_the_estimates_alone() -> None:
     rows = joint_rows(ticks[-1], episode.series["crossmodal"], len(ticks) - 1, episode.truth)
     assert {row[0] for row in rows} >= {"type_probability", "configuration", "axis"}
     assert np.all(np.isnan([row[-1] for row in rows]))
+
+
+def test_a_configuration_has_a_truth_where_both_have_the_same_unit() -> None:
+    for joint_type, has in ((JointType.PRISMATIC, True), (JointType.REVOLUTE, False)):
+        record = synthetic_episode()
+        truth = replace(joint_episode(record).truth, type=str(joint_type))
+        ticks = record.estimators["crossmodal"].ticks
+        rows = joint_rows(ticks[-1], joint_series(ticks, truth), len(ticks) - 1, truth)
+        (true,) = (row[-1] for row in rows if row[0] == "configuration")
+        assert np.isfinite(true) == has
 
 
 def test_a_body_counts_from_when_it_stood_at_its_own_reference() -> None:

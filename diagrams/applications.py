@@ -65,6 +65,8 @@ def _load(sources: tuple[str, ...]) -> dict[str, Application]:
                     f"application '{source}': there are two applications '{application.name}'"
                 )
         except ScenarioError as error:
+            if source in _COME_ALONG:
+                raise
             warnings.warn(f"{error}; it is left out", ApplicationWarning, stacklevel=3)
             continue
         found[application.name] = application

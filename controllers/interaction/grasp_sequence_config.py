@@ -27,13 +27,13 @@ class GraspSequenceConfig:
     closing_pressure: list[float] = numbers(
         [6.0e4, 6.0e4, 6.0e4, 8.0e4], at_least=0.0, at_most=1e6, unit="Pa", shape=(range(1, 101),)
     )
-    # Of approach and closing.
+    # Stiffness about each axis, of approach and closing.
     stiff_rotation: float = number(30.0, at_least=0.0, at_most=1e4, unit="N m/rad")
-    # Of approach and closing.
+    # Stiffness along each axis, of approach and closing.
     stiff_translation: float = number(2000.0, at_least=0.0, at_most=1e6, unit="N/m")
-    # Of approach and closing.
+    # Damping about each axis, of approach and closing.
     stiff_rotation_damping: float = number(1.0, at_least=0.0, at_most=1e4, unit="N m s/rad")
-    # Of approach and closing.
+    # Damping along each axis, of approach and closing.
     stiff_translation_damping: float = number(80.0, at_least=0.0, at_most=1e5, unit="N s/m")
     # Of exploration, in all but the pulling direction (paper, section VII-A).
     compliant_stiffness: float = number(0.1, at_least=0.0, at_most=1e4, unit="N m/rad or N/m")

@@ -55,9 +55,12 @@ def complete_experiment(incomplete: str) -> Words:
 
 def complete_connection(incomplete: str) -> Words:
     """Connections between the senses that begin so, with what they carry."""
-    from crossmodal.diagrams.crossmodal.studies.ablations import ABLATIONS
+    known: dict[str, str] = {}
+    with silent():
+        from crossmodal.diagrams.crossmodal.studies.ablations import ABLATIONS
 
-    return [(name, one.flow) for name, one in ABLATIONS.items() if name.startswith(incomplete)]
+        known = {name: one.flow for name, one in ABLATIONS.items()}
+    return [(name, flow) for name, flow in known.items() if name.startswith(incomplete)]
 
 
 def complete_key(ctx: typer.Context, incomplete: str) -> Words:

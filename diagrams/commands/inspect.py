@@ -74,7 +74,8 @@ def inspect_command(
             _refuse(given, f"{model} is a recording; this is for models")
             _inspect_recording(model, drafts, force=force)
             return
-        _refuse({"--drafts": drafts}, f"{model} is no recording, of which drafts are written")
+        if model.exists():
+            _refuse({"--drafts": drafts}, f"{model} is no recording, of which drafts are written")
         from crossmodal.diagrams.applications import load_scenario
         from crossmodal.diagrams.crossmodal.inspection.inspection import inspected
         from crossmodal.diagrams.run.folder.written_files import write_atomically

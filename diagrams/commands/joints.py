@@ -112,7 +112,8 @@ def joints_command(
                 " for each file, in the order of the files"
             )
         folder = out or Path("runs/joints") / files[0].stem
-        if (folder / "joint.yaml").exists() and not force:
+        results = [folder / f"joint.{form}" for form in ("yaml", "urdf", "sdf")]
+        if any(path.exists() for path in results) and not force:
             raise ScenarioError(f"{folder}: has results; replace them with --force, or name --out")
         named = _named(columns)
         given = None
@@ -145,11 +146,13 @@ def joints_command(
         except ValueError as error:
             raise ScenarioError(str(error)) from None
         if not quiet:
-            typer.echo("\n".join([*described(found), *(f"note: {note}" for note in notes)]))
+            typer.echo("\n".join(described(found)))
+        for note in notes:
+            typer.echo(f"note: {note}", err=quiet)
         origin = np.repeat([str(file) for file in files], [len(track.times) for track in tracks])
         paths = write_results(found, notes, folder, files[0].stem, origin.tolist())
-        for form in ("urdf", "sdf") if force else ():  # Of earlier results.
-            (folder / f"joint.{form}").unlink(missing_ok=True)
+        for path in results[1:]:  # Of earlier results.
+            path.unlink(missing_ok=True)
         no_model = ""
         if writer := writers[to]:
             try:

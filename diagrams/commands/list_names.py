@@ -10,7 +10,7 @@ EXAMPLES = "Example:  crossmodal list, then  crossmodal run cupboard-door"
 
 
 def list_command() -> None:
-    """Show the scenarios, experiments, flows and networks that there are."""
+    """Show the scenarios, experiments, ablations and networks that there are."""
     with one_line_errors():
         from crossmodal.diagrams.commands.listings import COME_ALONG, listings
         from crossmodal.diagrams.crossmodal.studies.ablations import ABLATIONS

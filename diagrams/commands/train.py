@@ -149,7 +149,9 @@ def _folder(out: Path | None, files: Sequence[str], force: bool) -> Path:
 
     folder = out or WEIGHTS_DIR
     if find_spec("torch") is None:
-        raise ScenarioError("train: PyTorch is not installed; pip install 'crossmodal[train]'")
+        raise ScenarioError(
+            "train: PyTorch is not installed; .venv/bin/pip install --editable '.[train]'"
+        )
     make_folder(folder)
     there = [folder / name for name in files if (folder / name).exists()]
     if there and not force:

@@ -143,7 +143,7 @@ def _stand(
 
 
 def _further_tries(base: Scenario, given: Collection[str]) -> list[str]:
-    """How an object that stands fast is pulled and held again, and the time that this takes."""
+    """How an object that stands fast is pulled and held again, and the time for that."""
     sequence = base.control.sequence
     one_try = sequence.release_time + sequence.approach_time + sequence.close_time
     values: dict[str, object] = {"duration": base.duration + sequence.retries * one_try}

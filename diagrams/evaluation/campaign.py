@@ -63,7 +63,7 @@ def connect(workers: Workers) -> None:
         import ray
     except ImportError:
         raise ScenarioError(
-            "--backend ray: Ray is not installed; pip install 'crossmodal[cluster]'"
+            "--backend ray: Ray is not installed; .venv/bin/pip install --editable '.[cluster]'"
         ) from None
     # By these a worker finds a user's own applications.
     own = {key: value for key, value in os.environ.items() if key.startswith("CROSSMODAL_")}

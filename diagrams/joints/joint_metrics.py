@@ -135,7 +135,7 @@ class JointSeries:
         configuration: Of the likeliest type (T,), on the true axis' side, counted from the grasp;
             that of a rigid one does not change.
         configuration_std: (T,)
-        error: configuration - opening (T,); NaN where they have different units.
+        error: configuration - opening (T,), of the true type or a rigid joint.
         axis_error: Angle to the true axis (T,), [rad].
         axis_std: Root mean square of that angle as the filter expects it (T,), [rad].
         distance_error: Distance to the true axis (T,), [m]; of revolute joints.

@@ -18,6 +18,7 @@ from crossmodal.diagrams.joints.joint_metrics import (
     rms_while_moving,
     turning_point,
     type_settled_at,
+    unit_of,
 )
 from crossmodal.diagrams.joints.joint_truth import Truth
 from crossmodal.diagrams.run.record import Tick
@@ -67,8 +68,8 @@ def _belief_rows(joint: JointBelief, series: JointSeries, k: int, truth: Truth) 
         rows.append(scalar("type_probability", probability, str(joint_type), true=is_true))
     rows += _fit_rows(joint)
     if not np.isnan(series.configuration[k]):
-        has_unit = not np.isnan(series.error[k])
-        std, true = series.configuration_std[k], series.opening[k] if has_unit else math.nan
+        same = joint.type == JointType.RIGID or unit_of(joint.type) == unit_of(truth.joint_type)
+        std, true = series.configuration_std[k], series.opening[k] if same else math.nan
         rows.append(scalar("configuration", series.configuration[k], std=std, true=true))
     if joint.type not in MOVING_TYPES:
         return rows

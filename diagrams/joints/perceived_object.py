@@ -157,16 +157,23 @@ def _ranged(
         low, high = (_limit(limit) for limit in (felt.lower, felt.upper))
     else:
         low = high = (joint.q, joint.q_deviation, False)
-    seen = [0.0, joint.q]
+    seen = [(0.0, math.nan), (joint.q, joint.q_deviation)]  # Zero is so by definition.
     if felt is None and before is not None and before.type == joint.type:
-        same = float(before.axis_P @ joint.axis_P) >= 0.0
-        seen += [q if same else -q for q in (before.lower, before.upper)]
+        side = 1.0 if float(before.axis_P @ joint.axis_P) >= 0.0 else -1.0
+        seen.append((side * before.lower, before.lower_deviation))
+        seen.append((side * before.upper, before.upper_deviation))
+
+    def q(place: tuple[float, float]) -> float:
+        return place[0]
+
+    lower = min((place for place in (low[:2], *seen) if not math.isnan(place[0])), key=q)
+    upper = max((place for place in (high[:2], *seen) if not math.isnan(place[0])), key=q)
     return replace(
         joint,
-        lower=float(np.nanmin([low[0], *seen])),
-        upper=float(np.nanmax([high[0], *seen])),
-        lower_deviation=low[1],
-        upper_deviation=high[1],
+        lower=lower[0],
+        upper=upper[0],
+        lower_deviation=lower[1],
+        upper_deviation=upper[1],
         lower_is_stop=low[2],
         upper_is_stop=high[2],
     )

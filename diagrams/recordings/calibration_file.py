@@ -153,6 +153,8 @@ def read_calibration(path: Path) -> RecordedRobot:
     for key, placed in (("camera", made.camera), ("arm", made.arm)):
         if not np.linalg.norm(placed.quaternion) > 1e-3:
             raise ScenarioError(f"{path}: {key}.quaternion: need x, y, z, w, not all zero")
+    if not made.world.strip("/ "):
+        raise ScenarioError(f"{path}: world = '{made.world}', need the name of a frame")
     camera = made.camera
     if camera.focal_x and not (camera.width and camera.height):
         raise ScenarioError(f"{path}: camera: focal_x needs width and height, [px]")

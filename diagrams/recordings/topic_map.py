@@ -55,7 +55,7 @@ class TopicMap:
         wrench: Of the wrist's sensor, in its own frame.
         pressures: Of the hand's chambers: one topic of four numbers, or four `FluidPressure`, [Pa].
         interaction: Says by true, or a number above one half, that the hand holds the object.
-        held: When it did, since the recording's start, where no topic says it.
+        held: When it did, since the replay's start, where no topic says it.
         truth: Of the object's joint, for scoring alone.
     """
 
@@ -228,7 +228,7 @@ def as_yaml(made: TopicMap, objects: Sequence[TopicSurvey] = ()) -> str:
     if made.joint_states:
         lines.append("joint_names: []  # From the base on; empty: the first of the messages.")
     if made.wrench and not made.interaction:
-        lines.append("held: [{start: 0, end: inf}]  # When the hand held the object, [s].")
+        lines.append("held: [{start: 0, end: inf}]  # Since the replay's start, [s].")
     for each in objects:
         joint = each.first.name[0] if len(each.first.name) else ""
         lines.append(

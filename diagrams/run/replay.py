@@ -56,8 +56,8 @@ def check_recorded(folder: Path) -> Path:
         (SCENARIO_FILE, "name the folder of a run"),
         (
             SENSORS_FILE,
-            "record one with `crossmodal run ... --record-sensors`, or, where it is the replay of a"
-            f" recording, have it named by `crossmodal run {folder / SCENARIO_FILE}`",
+            "record one with `crossmodal run ... --record-sensors`; the replay of a recording is"
+            f" repeated by the command that `crossmodal run {folder / SCENARIO_FILE}` names",
         ),
     ):
         if not (folder / needed).is_file():

@@ -34,7 +34,7 @@ def need_encoder() -> Any:
         import av
     except ImportError:
         raise ScenarioError(
-            "--video: PyAV is not installed; pip install 'crossmodal[video]'"
+            "--video: PyAV is not installed; .venv/bin/pip install --editable '.[video]'"
         ) from None
     return av
 

@@ -215,7 +215,8 @@ def task_in_words(scenario: Scenario) -> str:
         conditions.append("an image shows nothing in the way of the target any more")
     if scenario.station == "robots":
         conditions.append("the object has truly not fallen over")
-    return f"Done: {', and '.join(conditions)}. How far the pose is off is a figure of its own."
+    done = f"Done: {', and '.join(conditions)}. " if conditions else ""
+    return f"{done}How far the pose is off is a figure of its own."
 
 
 def _draw_gains(

@@ -89,7 +89,7 @@ class FoxgloveServer:
             import foxglove
         except ImportError:
             raise ScenarioError(
-                "a live stream needs foxglove-sdk: pip install 'crossmodal[foxglove]'"
+                "a live stream needs foxglove-sdk: .venv/bin/pip install --editable '.[foxglove]'"
             ) from None
         self._foxglove, self._context = foxglove, foxglove.Context()
         try:

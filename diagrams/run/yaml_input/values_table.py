@@ -100,7 +100,8 @@ def _parts(at: Any) -> Mapping[str, Any]:
 
 def _missing_item(at: Any, name: str) -> Any:
     """What could be in a field that is an empty list of dataclasses; None for any other field."""
-    if not dataclasses.is_dataclass(at) or getattr(at, name) != []:
+    value = getattr(at, name) if dataclasses.is_dataclass(at) else None
+    if not isinstance(value, list) or value:
         return None
     kinds = get_args(get_type_hints(type(at))[name])
     return next((cast(type, kind)() for kind in kinds if dataclasses.is_dataclass(kind)), None)

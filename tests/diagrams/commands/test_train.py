@@ -10,4 +10,4 @@ def test_without_pytorch_it_names_the_extra_to_install(monkeypatch: pytest.Monke
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     result = CliRunner().invoke(app, ["train", "hand-bending", "--out", "weights"])
     assert result.exit_code == 2
-    assert result.stderr.endswith("PyTorch is not installed; pip install 'crossmodal[train]'\n")
+    assert result.stderr.endswith("not installed; .venv/bin/pip install --editable '.[train]'\n")

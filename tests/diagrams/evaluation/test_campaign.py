@@ -214,5 +214,5 @@ def test_an_unknown_backend_lists_the_known_ones(monkeypatch: pytest.MonkeyPatch
     with pytest.raises(ScenarioError, match="--address is for --backend ray only"):
         connect(Workers(address="here:1"))
     monkeypatch.setitem(sys.modules, "ray", None)
-    with pytest.raises(ScenarioError, match=r"pip install 'crossmodal\[cluster\]'"):
+    with pytest.raises(ScenarioError, match=r"pip install --editable '.\[cluster\]'"):
         connect(Workers(backend="ray"))

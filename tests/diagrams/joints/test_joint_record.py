@@ -80,11 +80,22 @@ def test_without_the_truth_rows_hold_the_estimates_alone() -> None:
 
 
 def test_a_configuration_has_a_truth_where_both_have_the_same_unit() -> None:
-    for joint_type, has in ((JointType.PRISMATIC, True), (JointType.REVOLUTE, False)):
-        record = synthetic_episode()
-        truth = replace(joint_episode(record).truth, type=str(joint_type))
-        ticks = record.estimators["crossmodal"].ticks
-        rows = joint_rows(ticks[-1], joint_series(ticks, truth), len(ticks) - 1, truth)
+    record = synthetic_episode()
+    ticks, k = record.estimators["crossmodal"].ticks, -1
+    believed = joint_episode(record).series["crossmodal"].joints[k]
+    for of_belief, of_truth, has in (
+        (JointType.PRISMATIC, JointType.PRISMATIC, True),
+        (JointType.PRISMATIC, JointType.REVOLUTE, False),
+        (JointType.REVOLUTE, JointType.SCREW, True),
+    ):
+        truth = replace(joint_episode(record).truth, type=str(of_truth))
+        series = joint_series(ticks, truth)
+        series.joints[k] = replace(
+            believed,
+            probabilities={one: float(one == of_belief) for one in JointType},
+            models={**believed.models, of_belief: believed.models[JointType.PRISMATIC]},
+        )
+        rows = joint_rows(ticks[k], series, k, truth)
         (true,) = (row[-1] for row in rows if row[0] == "configuration")
         assert np.isfinite(true) == has
 

@@ -6,7 +6,7 @@ from typing import Any, cast, get_args, get_type_hints
 import numpy as np
 import pytest
 
-from crossmodal.diagrams.applications import applications
+from crossmodal.diagrams.applications import applications, load_scenario
 from crossmodal.diagrams.run.application import Application
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 from crossmodal.diagrams.run.yaml_input.values_table import comments, unit_at, values_table
@@ -92,6 +92,11 @@ def test_the_items_of_a_list_are_explained_also_where_it_is_empty() -> None:
     assert items[0].meaning == "How many, and of what."
     with pytest.raises(ScenarioError, match=r"there is no '1' in 'cars'; allowed: 0"):
         values_table(Train(), "cars.1")
+
+
+def test_an_array_is_explained() -> None:
+    (line,) = values_table(load_scenario("drawer")[1], "control.posture")
+    assert line.meaning
 
 
 @pytest.mark.parametrize("application", applications().values(), ids=lambda one: one.name)

@@ -1,5 +1,6 @@
 """`crossmodal replay`."""
 
+import warnings
 from pathlib import Path
 from typing import Annotated
 
@@ -83,7 +84,7 @@ def replay_command(
         with opened(out or run / "replay", force=force, numbered=numbered) as folder:
             title = f"{chosen.name}, seed {chosen.seed}"
             with (
-                streaming(stream, force=force) as sink,
+                streaming(stream, log, force=force) as sink,
                 tqdm(desc=title, unit="tick", disable=True if quiet else None) as bar,
             ):
 
@@ -131,6 +132,7 @@ def _replay_recording(
     from crossmodal.diagrams.recordings.replay_recording import (
         CALIBRATION_FILE,
         TOPICS_FILE,
+        RecordingWarning,
         prepare,
     )
     from crossmodal.diagrams.recordings.survey import survey
@@ -160,9 +162,9 @@ def _replay_recording(
                 file.write_text(yaml_dump_typed(used), encoding="utf-8")
             ready = prepare(found, chosen, known, robot, overrides, kept)
             for line in ready.warnings:
-                typer.echo(f"crossmodal: warning: {line}", err=True)
+                warnings.warn(line, RecordingWarning, stacklevel=1)
             with (
-                streaming(stream, force=force) as sink,
+                streaming(stream, log, force=force) as sink,
                 tqdm(desc=path.stem, unit="tick", disable=hidden) as bar,
             ):
 

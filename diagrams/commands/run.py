@@ -162,7 +162,7 @@ def run_command(
             numbered = out is None and not force
             with opened(out or default_folder(chosen), force=force, numbered=numbered) as folder:
                 sensors_file = folder / SENSORS_FILE if record_sensors else None
-                with streaming(stream, force=force) as sink:
+                with streaming(stream, log, force=force) as sink:
                     record = _simulate(
                         application,
                         chosen,

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 @contextlib.contextmanager
-def streaming(target: str, *, force: bool) -> Iterator["Sink | None"]:
+def streaming(target: str, log: RunLog, *, force: bool) -> Iterator["Sink | None"]:
     """Where estimates are streamed to, if anywhere."""
     if not target:
         yield None
@@ -25,7 +25,7 @@ def streaming(target: str, *, force: bool) -> Iterator["Sink | None"]:
     from crossmodal.diagrams.run.stream.sinks import opened_sink
 
     with opened_sink(target, force=force) as sink:
-        typer.echo(f"Streaming to {sink.place}")
+        log.say(f"Streaming to {sink.place}")
         yield sink
 
 

@@ -61,6 +61,10 @@ _APART = 0.02  # Images whose stamps differ by no more are of the same instant, 
 _LATEST_START = 1.0  # Streams that begin later after the images are said to be missing, [s].
 
 
+class RecordingWarning(UserWarning):
+    """What a user should know of what is perceived in a recording."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class RecordedReplay:
     """A replay that is ready to run.
@@ -108,7 +112,7 @@ def prepare(
     frame = _camera_frame(found, chosen)
     calibration = robot.calibration(facts.intrinsics, ARM, ROBOTS[name], frame)
     scenario = _scenario(found, chosen, robot, facts, modalities, overrides)
-    sets = [word for assignment in overrides for word in ("--set", assignment)]
+    sets = [word for assignment in overrides for word in ("--set", _from_anywhere(assignment))]
     called = shlex.join([str(found.path.resolve()), "--robot", name, *sets])
     scenario = replace(scenario, replay=called)
     simulated = find_application(_APPLICATION, str(found.path))
@@ -143,6 +147,15 @@ def prepare(
         )
 
     return RecordedReplay(application=application, scenario=scenario, run=run, warnings=warnings)
+
+
+def _from_anywhere(assignment: str) -> str:
+    """An assignment in which a file of Python is named by its whole path."""
+    key, equals, value = assignment.partition("=")
+    file, *name = value.split(":")
+    path = Path(file)
+    whole = str(path.resolve()) if path.suffix == ".py" and path.is_file() else file
+    return key + equals + ":".join([whole, *name])
 
 
 def repeated_by(scenario: Scenario, folder: Path) -> str:

@@ -317,6 +317,17 @@ def test_a_filter_of_ones_own_perceives_a_recording_beside_ours(replayed: Path) 
             "modalities=[mine]", "variants.mine.of=crossmodal"])  # fmt: skip
 
 
+def test_a_replay_is_repeated_with_a_file_that_is_named_from_anywhere(
+    replayed: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(replayed)
+    found = survey(replayed / "x.bag")
+    key = "variants.mine.replacements.camera_motion"
+    changes = ["modalities=[mine]", "variants.mine.of=vision", f"{key}=mine.py:Camera"]
+    ready = prepare(found, likely_topic_map(found), RecordedRobot(), "wam", changes)
+    assert ready.scenario.replay.endswith(f"{key}={replayed / 'mine.py'}:Camera")
+
+
 def test_a_replay_is_streamed_in_the_recordings_own_times_and_frames(replayed: Path) -> None:
     with open_recording(replayed / "stream.mcap") as stream:
         found = [(each.topic, each.time, each.decode()) for each in stream.messages(stream.topics)]

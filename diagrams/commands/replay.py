@@ -149,24 +149,22 @@ def _replay_recording(
     hidden = True if log.is_quiet else None
     try:
         known = read_calibration(calibration)
-        with tqdm(desc="reading", unit="messages", leave=False, disable=hidden) as bar:
-            found = survey(path, lambda _: bar.update())
-        chosen = likely_topic_map(found) if topics is None else read_topic_map(topics, found)
         place, numbered = out or Path("runs") / f"{path.stem}-replay", out is None and not force
         with (
             TemporaryDirectory() as copies,
             opened(place, force=force, numbered=numbered) as folder,
+            streaming(stream, log, force=force) as sink,
         ):
+            with tqdm(desc="reading", unit="messages", leave=False, disable=hidden) as bar:
+                found = survey(path, lambda _: bar.update())
+            chosen = likely_topic_map(found) if topics is None else read_topic_map(topics, found)
             kept = {CALIBRATION_FILE: Path(copies, "0"), TOPICS_FILE: Path(copies, "1")}
             for file, used in zip(kept.values(), (known, chosen), strict=True):
                 file.write_text(yaml_dump_typed(used), encoding="utf-8")
             ready = prepare(found, chosen, known, robot, overrides, kept)
             for line in ready.warnings:
                 warnings.warn(line, RecordingWarning, stacklevel=1)
-            with (
-                streaming(stream, log, force=force) as sink,
-                tqdm(desc=path.stem, unit="tick", disable=hidden) as bar,
-            ):
+            with tqdm(desc=path.stem, unit="tick", disable=hidden) as bar:
 
                 def progress(_: float) -> None:
                     bar.update()

@@ -35,13 +35,13 @@ class GraspSequenceConfig:
     stiff_rotation_damping: float = number(1.0, at_least=0.0, at_most=1e4, unit="N m s/rad")
     # Damping along each axis, of approach and closing.
     stiff_translation_damping: float = number(80.0, at_least=0.0, at_most=1e5, unit="N s/m")
-    # Of exploration, in all but the pulling direction (paper, section VII-A).
+    # Stiffness of exploration, in all but the pulling direction (paper, section VII-A).
     compliant_stiffness: float = number(0.1, at_least=0.0, at_most=1e4, unit="N m/rad or N/m")
-    # Of exploration, in all other directions.
+    # Damping of exploration, in all but the pulling direction.
     compliant_damping: float = number(1.0, at_least=0.0, at_most=1e4, unit="N m s/rad or N s/m")
-    # Of exploration, in the pulling direction.
+    # Stiffness of exploration, in the pulling direction.
     pull_stiffness: float = number(400.0, at_least=0.0, at_most=1e6, unit="N/m")
-    # Of exploration, in the pulling direction.
+    # Damping of exploration, in the pulling direction.
     pull_damping: float = number(200.0, at_least=0.0, at_most=1e5, unit="N s/m")
     # Inertia that the hand seems to have, about and along each axis.
     mass: float = number(1.0, at_least=0.0, at_most=1000.0, unit="kg m^2 or kg")

@@ -32,7 +32,7 @@ def run_here(folder: Path) -> int:
     from crossmodal.diagrams.run.episode import run_episode
 
     log = RunLog(verbose=True, command=f"{_COMMAND} {folder}")
-    log.note("Loading Drake and the scenario")
+    log.note("Loading the scenario")
     try:
         with noted(log):
             application, scenario = load_scenario(str(folder / SCENARIO_FILE))

@@ -55,7 +55,7 @@ class CameraCarrier:
 def add_cameras(
     wiring: StationWiring,
     config: CameraNoiseConfig,
-    colour_is_read: bool = True,
+    colour_is_streamed: bool = True,
     carriers: Mapping[str, CameraCarrier] | None = None,
 ) -> dict[str, OutputPort]:
     """Adds the cameras of a scenario, drawn by its seed around what is believed of them.
@@ -64,7 +64,7 @@ def add_cameras(
     before it. Inputs `light_by_hand` and `cover_by_hand`, named likewise, may stay unconnected.
 
     Args:
-        colour_is_read: Whether an estimator reads the colour images. Otherwise they are for
+        colour_is_streamed: Whether an estimator reads the colour images. Otherwise they are for
             pictures: rendered when one is taken, with a fixed exposure and without latency.
         carriers: The arms that carry cameras, by the camera's name. The images of a camera that is
             neither carried nor fixed in the world do not say where it is.
@@ -84,7 +84,7 @@ def add_cameras(
         raise ValueError(f"cameras have lamps of {sorted(lamps)}, but all share one renderer")
     scene = add_camera_scene(wiring.builder, wiring.plant, wiring.scene.scene_graph, *lamps)
     return {
-        name: _add_camera(wiring, scene, name, config, colour_is_read, carriers.get(name))
+        name: _add_camera(wiring, scene, name, config, colour_is_streamed, carriers.get(name))
         for name in names
     }
 
@@ -147,7 +147,7 @@ def _add_camera(
     scene_graph: SceneGraph,
     name: str,
     config: CameraNoiseConfig,
-    colour_is_read: bool,
+    colour_is_streamed: bool,
     carrier: CameraCarrier | None,
 ) -> OutputPort:
     """Adds a camera and what disturbs it; exports its images and returns the measured depth.
@@ -158,7 +158,7 @@ def _add_camera(
     Args:
         scene_graph: What `add_camera_scene` gave.
         name: Of the camera.
-        colour_is_read: As for `add_cameras`.
+        colour_is_streamed: As for `add_cameras`.
         carrier: The arm that carries it.
     """
     builder, plant, scenario = wiring.builder, wiring.plant, wiring.scenario
@@ -225,7 +225,7 @@ def _add_camera(
             depth_scale=camera.depth_scale,
             first_frame=-camera.latency % period,
             period=period,
-            is_metered=colour_is_read,
+            is_metered=colour_is_streamed,
         ),
     )
     builder.Connect(sensor.GetOutputPort("color_image"), noise.GetInputPort("color_image"))
@@ -252,7 +252,7 @@ def _add_camera(
     for image in ("color", "depth"):
         port = f"{image}_measured"
         measured[image] = noise.GetOutputPort(port)
-        if camera.latency > 0.0 and (colour_is_read or image == "depth"):
+        if camera.latency > 0.0 and (colour_is_streamed or image == "depth"):
             model = measured[image].Allocate()
             delay = builder.AddNamedSystem(
                 prefixed(owner, f"{image}_delay"), ImageDelay(model, camera.latency, period)

@@ -126,7 +126,9 @@ def add_sensors(
         pose=arm_pose(wiring.calibration, CAMERA_ARM),
         joint_state=encoders[CAMERA_ARM].GetOutputPort("joint_state_measured"),
     )
-    depths = add_cameras(wiring, config.camera, colour_is_read=False, carriers={camera: carrier})
+    depths = add_cameras(
+        wiring, config.camera, colour_is_streamed=False, carriers={camera: carrier}
+    )
     postures = {
         prefixed(owner, "joint_state_measured"): encoders[arm].GetOutputPort("joint_state_measured")
         for owner, arm in ((LOOKER, CAMERA_ARM), (TOUCHER, TOUCH_ARM))

@@ -42,7 +42,7 @@ def add_vision(wiring: StationWiring, encoders: JointEncoders, sequence: GraspSe
         sequence: Which says how far the hand is closed.
     """
     sensors = wiring.scenario.sensors
-    add_cameras(wiring, sensors.camera, colour_is_read=sees(wiring.scenario))
+    add_cameras(wiring, sensors.camera, colour_is_streamed=sees(wiring.scenario))
     postures = {joint: (0.0, closed) for joint, closed in CLOSED_POSTURE.items()}
     robot = MaskedRobot(arm=ARM, arm_joints=ARM_JOINTS, hand=HAND, hand_posture=postures)
     add_robot_masks(

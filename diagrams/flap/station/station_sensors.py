@@ -92,7 +92,7 @@ def add_vision(wiring: StationWiring, encoders: Mapping[str, JointEncoders]) -> 
         encoders: Of the arms, by owner.
     """
     sensors = wiring.scenario.sensors
-    depths = add_cameras(wiring, sensors.camera, colour_is_read=False)
+    depths = add_cameras(wiring, sensors.camera, colour_is_streamed=False)
     # The hand keeps hold of the tool: its fingers are where they are, open or closed.
     closed = {name: (q, q) for name, q in zip(JOINTS, wiring.start.fingers.tolist(), strict=True)}
     robots = {

@@ -9,13 +9,13 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
 from crossmodal.diagrams.applications import load_scenario
-from crossmodal.diagrams.run.calibration import Camera
 from crossmodal.diagrams.run.folder.run_folder import SENSORS_FILE
 from crossmodal.diagrams.run.replay import check_recorded
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line
 from crossmodal.systems.recordings.bag_writer import BagWriter
-from crossmodal.systems.recordings.camera_info import CAMERA_INFO
+from crossmodal.systems.recordings.camera_info import CAMERA_INFO, camera_info
 from crossmodal.systems.recordings.recording import RecordingError
+from crossmodal.systems.recordings.ros_messages import header
 
 _INFO_INTERVAL = 1_000_000_000  # Of the camera info's messages, [ns].
 
@@ -37,15 +37,17 @@ def export_bag(run: Path, path: Path, kind: str) -> Path:
     for port, topic in application.topics(scenario).items():
         camera = calibration.camera_of(port) if port.endswith("color_measured") else None
         if camera is not None:
-            infos[topic.name] = f"{topic.name.rpartition('/')[0]}/camera_info", _info(camera)
+            infos[topic.name] = (
+                f"{topic.name.rpartition('/')[0]}/camera_info",
+                camera_info(camera.intrinsics),
+            )
     last: dict[str, int] = {}
     try:
         with BagWriter(path, kind) as writer:
             for name, message_type, message, time in _messages(run / SENSORS_FILE):
                 if name in infos and time >= last.get(name, -_INFO_INTERVAL) + _INFO_INTERVAL:
                     beside, info = infos[name]
-                    stamp = dict(zip(("sec", "nanosec"), divmod(time, 10**9), strict=True))
-                    writer.write(beside, CAMERA_INFO, info | {"header": {"stamp": stamp}}, time)
+                    writer.write(beside, CAMERA_INFO, info | {"header": header(time)}, time)
                     last[name] = time
                 writer.write(name, message_type, _fields(message), time)
     except (RecordingError, OSError) as error:
@@ -72,18 +74,3 @@ def _plain(value: Any) -> Any:
     if isinstance(value, list):
         return [_plain(item) for item in value]
     return bytes(value) if isinstance(value, memoryview) else value
-
-
-def _info(camera: Camera) -> dict[str, Any]:
-    """A `CameraInfo` of images without distortion."""
-    inner = camera.intrinsics
-    fx, fy, cx, cy = inner.vector().tolist()
-    return {
-        "width": inner.width,
-        "height": inner.height,
-        "distortion_model": "plumb_bob",
-        "d": [0.0] * 5,
-        "k": [fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0],
-        "r": np.eye(3).ravel().tolist(),
-        "p": [fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0],
-    }

@@ -1,13 +1,12 @@
 """Writes messages into a ROS 1 bag, a ROS 2 bag or an MCAP file."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-import numpy as np
-
 from crossmodal.systems.recordings.recording import RecordingError
+from crossmodal.systems.recordings.ros_messages import made, ros2_types
 
 KINDS = ("bag", "db3", "mcap")
 
@@ -32,7 +31,7 @@ class BagWriter:
         if path.exists():
             raise RecordingError(f"{path}: exists already; remove it, or name another")
         self._is_ros1 = kind == "bag"
-        self._store = get_typestore(Stores.ROS1_NOETIC if self._is_ros1 else Stores.ROS2_HUMBLE)
+        self._store = get_typestore(Stores.ROS1_NOETIC) if self._is_ros1 else ros2_types()
         if self._is_ros1:  # Which rosbags has of ROS 2 only.
             frames = "geometry_msgs/TransformStamped[] transforms"
             self._store.register(get_types_from_msg(frames, "tf2_msgs/msg/TFMessage"))
@@ -63,39 +62,6 @@ class BagWriter:
             self._connections[topic] = self._writer.add_connection(
                 topic, kind, typestore=self._store
             )
-        message = self._made(kind, fields)
+        message = made(kind, fields, self._store)
         serialise = self._store.serialize_ros1 if self._is_ros1 else self._store.serialize_cdr
         self._writer.write(self._connections[topic], time, serialise(message, kind))
-
-    def _made(self, kind: str, fields: Mapping[str, Any]) -> Any:
-        """A message of a type; a name that ROS 1 writes in capitals is found in either form."""
-        parts = self._store.fielddefs[kind][1]
-        values = {}
-        given = {**fields, **{name.upper(): value for name, value in fields.items()}}
-        for name, (node, detail) in parts:
-            value = given.get(name)
-            values[name] = self._value(int(node), detail, value)
-        return self._store.types[kind](**values)
-
-    def _value(self, node: int, detail: Any, value: Any) -> Any:
-        from rosbags.interfaces import Nodetype
-
-        if node == Nodetype.NAME:
-            return self._made(detail, value or {})
-        if node == Nodetype.BASE:
-            return ("" if detail[0] == "string" else 0) if value is None else value
-        (inner, part), size = detail
-        if inner == Nodetype.NAME:
-            return [self._made(part, item) for item in value or ()]
-        if part[0] == "string":
-            return list(value or ())
-        return _numbers(value, part[0], size if node == Nodetype.ARRAY else 0)
-
-
-def _numbers(value: bytes | Sequence[Any] | None, kind: str, size: int) -> Any:
-    dtype = np.dtype({"bool": "bool", "byte": "u1", "octet": "u1", "char": "u1"}.get(kind, kind))
-    if value is None:
-        return np.zeros(size, dtype=dtype)
-    if isinstance(value, bytes | bytearray):
-        return np.frombuffer(value, dtype=dtype)
-    return np.asarray(value, dtype=dtype).ravel()

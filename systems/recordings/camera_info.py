@@ -1,4 +1,4 @@
-"""Intrinsics of a camera from the `CameraInfo` of both versions of ROS."""
+"""Intrinsics of a camera from and in the `CameraInfo` of both versions of ROS."""
 
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -89,3 +89,17 @@ def scaled(intrinsics: Intrinsics, width: int, height: int) -> Intrinsics:
         center_x=(intrinsics.center_x + 0.5) * x - 0.5,
         center_y=(intrinsics.center_y + 0.5) * y - 0.5,
     )
+
+
+def camera_info(lens: Intrinsics) -> dict[str, Any]:
+    """The fields of a `CameraInfo` of images without distortion, but for its header."""
+    fx, fy, cx, cy = lens.vector().tolist()
+    return {
+        "width": lens.width,
+        "height": lens.height,
+        "distortion_model": "plumb_bob",
+        "d": [0.0] * 5,
+        "k": [fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0],
+        "r": np.eye(3).ravel(),
+        "p": [fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0],
+    }

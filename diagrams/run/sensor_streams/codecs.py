@@ -17,90 +17,13 @@ from pydrake.systems.sensors import ImageDepth32F, ImageGrey8U, ImageRgba8U
 
 from crossmodal.maths.arrays import Array
 from crossmodal.systems.port_values import SampleWindow, StampedImage
+from crossmodal.systems.recordings.ros_messages import header, pose, vector
 
 Stamped = tuple[int, Any]  # Instant [ns] and message.
-
-_TIME = "builtin_interfaces/Time", "int32 sec\nuint32 nanosec"
-_HEADER = "std_msgs/Header", "builtin_interfaces/Time stamp\nstring frame_id"
-_VECTOR = "geometry_msgs/Vector3", "float64 x\nfloat64 y\nfloat64 z"
-_POSE = (
-    "geometry_msgs/Pose",
-    "geometry_msgs/Point position\ngeometry_msgs/Quaternion orientation",
-)
-_POINT_AND_QUATERNION = (
-    ("geometry_msgs/Point", _VECTOR[1]),
-    ("geometry_msgs/Quaternion", "float64 x\nfloat64 y\nfloat64 z\nfloat64 w"),
-)
-DEFINITIONS = {
-    "sensor_msgs/msg/Image": (
-        "std_msgs/Header header\nuint32 height\nuint32 width\nstring encoding\n"
-        "uint8 is_bigendian\nuint32 step\nuint8[] data",
-        (_HEADER, _TIME),
-    ),
-    "sensor_msgs/msg/JointState": (
-        "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\n"
-        "float64[] effort",
-        (_HEADER, _TIME),
-    ),
-    "geometry_msgs/msg/WrenchStamped": (
-        "std_msgs/Header header\ngeometry_msgs/Wrench wrench",
-        (
-            _HEADER,
-            _TIME,
-            ("geometry_msgs/Wrench", "geometry_msgs/Vector3 force\ngeometry_msgs/Vector3 torque"),
-            _VECTOR,
-        ),
-    ),
-    "geometry_msgs/msg/PoseStamped": (
-        "std_msgs/Header header\ngeometry_msgs/Pose pose",
-        (
-            _HEADER,
-            _TIME,
-            _POSE,
-            *_POINT_AND_QUATERNION,
-        ),
-    ),
-    "geometry_msgs/msg/PoseWithCovarianceStamped": (
-        "std_msgs/Header header\ngeometry_msgs/PoseWithCovariance pose",
-        (
-            _HEADER,
-            _TIME,
-            (
-                "geometry_msgs/PoseWithCovariance",
-                "geometry_msgs/Pose pose\nfloat64[36] covariance",
-            ),
-            _POSE,
-            *_POINT_AND_QUATERNION,
-        ),
-    ),
-    "std_msgs/msg/Float64MultiArray": (
-        "std_msgs/MultiArrayLayout layout\nfloat64[] data",
-        (
-            (
-                "std_msgs/MultiArrayLayout",
-                "std_msgs/MultiArrayDimension[] dim\nuint32 data_offset",
-            ),
-            ("std_msgs/MultiArrayDimension", "string label\nuint32 size\nuint32 stride"),
-        ),
-    ),
-    "std_msgs/msg/Float64": ("float64 data", ()),
-    "std_msgs/msg/String": ("string data", ()),
-}
-
-
-def definition(message_type: str) -> str:
-    """The text of a message's definition with those that it contains."""
-    own, parts = DEFINITIONS[message_type]
-    return "\n".join([own, *(f"{'=' * 80}\nMSG: {name}\n{text}" for name, text in parts)])
 
 
 def nanoseconds(time: float) -> int:
     return round(time * 1e9)
-
-
-def _header(stamp: int, frame: str = "") -> dict[str, Any]:
-    seconds, rest = divmod(stamp, 1_000_000_000)
-    return {"stamp": {"sec": seconds, "nanosec": rest}, "frame_id": frame}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,7 +31,7 @@ class Codec:
     """How the values of a port become messages of one type, and back.
 
     Attributes:
-        message_type: A key of `DEFINITIONS`.
+        message_type: Of ROS 2, as in `sensor_msgs/msg/Image`.
         encode: Messages of a value at an instant [ns].
         decode: The value of the messages since the last tick; the last counts unless all do. A
             ValueError says that a message does not hold a value like the port's.
@@ -151,8 +74,7 @@ def _joint_fields(row: Array) -> dict[str, Any]:
 
 
 def _wrench_fields(row: Array) -> dict[str, Any]:
-    torque, force = (dict(zip("xyz", map(float, part), strict=True)) for part in (row[:3], row[3:]))
-    return {"wrench": {"force": force, "torque": torque}}
+    return {"wrench": {"force": vector(row[3:]), "torque": vector(row[:3])}}
 
 
 def _wrench_values(message: Any) -> list[float]:
@@ -217,7 +139,7 @@ def _image(model: Any, encoding: str, dtype: type) -> Codec:
     def encode(value: Any, now: int) -> list[Stamped]:
         data = np.asarray(value.data)
         message = {
-            "header": _header(now),
+            "header": header(now),
             "height": data.shape[0],
             "width": data.shape[1],
             "encoding": encoding,
@@ -256,7 +178,7 @@ def _stamped_image(model: StampedImage) -> Codec:
 
     def encode(value: Any, now: int) -> list[Stamped]:
         ((_, message),) = plain.encode(value.image, now)
-        return [(now, message | {"header": _header(nanoseconds(value.time))})]
+        return [(now, message | {"header": header(nanoseconds(value.time))})]
 
     def decode(messages: Sequence[Stamped]) -> StampedImage:
         logged, message = messages[-1]
@@ -271,7 +193,7 @@ def _window(fields: WindowFields, size: int) -> Codec:
     def encode(window: Any, now: int) -> list[Stamped]:
         stamps = [nanoseconds(time) for time in window.times]
         return [
-            (stamp, ({"header": _header(stamp)} if fields.header else {}) | fields.to_fields(row))
+            (stamp, ({"header": header(stamp)} if fields.header else {}) | fields.to_fields(row))
             for stamp, row in zip(stamps, window.values, strict=True)
         ]
 
@@ -308,13 +230,6 @@ def _vector(size: int) -> Codec:
     )
 
 
-def _pose_fields(X: RigidTransform) -> dict[str, Any]:
-    q = X.rotation().ToQuaternion()
-    position = dict(zip("xyz", map(float, X.translation()), strict=True))
-    orientation = {"x": q.x(), "y": q.y(), "z": q.z(), "w": q.w()}
-    return {"position": position, "orientation": orientation}
-
-
 def _pose_of(pose: Any) -> RigidTransform:
     q, p = pose.orientation, pose.position
     wxyz = np.array([q.w, q.x, q.y, q.z])
@@ -324,7 +239,7 @@ def _pose_of(pose: Any) -> RigidTransform:
 
 def _pose() -> Codec:
     def encode(X: RigidTransform, now: int) -> list[Stamped]:
-        return [(now, {"header": _header(now), "pose": _pose_fields(X)})]
+        return [(now, {"header": header(now), "pose": pose(X)})]
 
     return Codec(
         message_type="geometry_msgs/msg/PoseStamped",
@@ -349,8 +264,8 @@ def _encode_camera_pose(value: StampedImage, now: int) -> list[Stamped]:
     X_WC = RigidTransform(value.X_WC)
     J = _in_world(X_WC)
     covariance = J @ value.covariance @ J.T
-    pose = {"pose": _pose_fields(X_WC), "covariance": covariance.ravel().tolist()}
-    return [(now, {"header": _header(nanoseconds(value.time), "world"), "pose": pose})]
+    found = {"pose": pose(X_WC), "covariance": covariance.ravel().tolist()}
+    return [(now, {"header": header(nanoseconds(value.time), "world"), "pose": found})]
 
 
 def _decode_camera_pose(messages: Sequence[Stamped]) -> tuple[Array, Array]:

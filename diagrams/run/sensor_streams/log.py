@@ -27,17 +27,16 @@ from crossmodal.diagrams.run.calibration import Calibration, CameraCalibration
 from crossmodal.diagrams.run.recorder import declare_input
 from crossmodal.diagrams.run.sensor_streams.codecs import (
     CAMERA_POSE,
-    DEFINITIONS,
     Codec,
     Stamped,
     Topic,
     codec_for,
-    definition,
     nanoseconds,
 )
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line
 from crossmodal.maths.immutable import Immutable
 from crossmodal.systems.port_values import StampedImage
+from crossmodal.systems.recordings.ros_messages import definition
 
 _METADATA = "episode"
 # What the library raises while it reads a file with wrong bytes.
@@ -143,9 +142,7 @@ class SensorLogWriter:
         except OSError as error:
             raise ScenarioError(f"{path}: cannot be written: {one_line(error)}") from None
         self._writer = Writer(self._file)
-        self._schemas = {
-            name: self._writer.register_msgdef(name, definition(name)) for name in DEFINITIONS
-        }
+        self._schemas: dict[str, Any] = {}
 
     def write(self, stream: Stream, value: Any, time: float) -> None:
         """Writes the messages of a port's value at `time` [s]."""
@@ -153,9 +150,11 @@ class SensorLogWriter:
             return
         try:
             for topic, codec in stream.parts:
-                schema = self._schemas[codec.message_type]
+                kind = codec.message_type
+                if kind not in self._schemas:
+                    self._schemas[kind] = self._writer.register_msgdef(kind, definition(kind))
                 for stamp, message in codec.encode(value, nanoseconds(time)):
-                    self._writer.write_message(topic, schema, message, log_time=stamp)
+                    self._writer.write_message(topic, self._schemas[kind], message, log_time=stamp)
         except OSError as error:
             self._give_up(error)
 

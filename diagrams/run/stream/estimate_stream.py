@@ -15,7 +15,7 @@ from crossmodal.diagrams.run.record import Quantity, TaskStatus, Tick
 from crossmodal.diagrams.run.recorder import STATUS_PORT, declare_input, read_inputs
 from crossmodal.diagrams.run.sensor_streams.codecs import nanoseconds
 from crossmodal.diagrams.run.stream.messages import (
-    camera_info,
+    camera_message,
     image,
     markers,
     pose_with_covariance,
@@ -135,7 +135,7 @@ class EstimateStream(LeafSystem):
             if camera is None:
                 continue
             beside = f"{topic.rpartition('/')[0]}/camera_info"
-            self._sink.write(beside, camera_info(camera, taken, frame), now)
+            self._sink.write(beside, camera_message(camera.intrinsics, taken, frame), now)
             X_WC = camera.X_PC.GetAsMatrix4() if camera.is_fixed else value.X_WC
             if np.isfinite(X_WC).all():
                 self._sink.write("/tf", transforms({frame: X_WC}, now, self._world), now)

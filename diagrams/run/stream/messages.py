@@ -5,10 +5,9 @@ from typing import Any
 
 import numpy as np
 from pydrake.math import RigidTransform
-from rosbags.typesys import Stores, get_typestore
 
-from crossmodal.diagrams.run.calibration import CameraCalibration
 from crossmodal.maths.arrays import Array
+from crossmodal.maths.pinhole import Intrinsics
 from crossmodal.maths.vectors import normal_basis
 from crossmodal.systems.object_models.articulated_object import (
     ArticulatedObject,
@@ -16,113 +15,49 @@ from crossmodal.systems.object_models.articulated_object import (
     ObjectJoint,
 )
 from crossmodal.systems.port_values import ObjectPose
+from crossmodal.systems.recordings.camera_info import CAMERA_INFO, camera_info
+from crossmodal.systems.recordings.images import IMAGE
+from crossmodal.systems.recordings.ros_messages import header, made, pose, quaternion, vector
 
-STORE = get_typestore(Stores.ROS2_HUMBLE)
 WORLD = "world"
 _AXIS_LENGTH, _AXIS_WIDTH = 0.3, 0.01  # Of a drawn axis, [m].
 _CUBE, _ARROW, _TEXT = 1, 0, 9  # Kinds of `visualization_msgs/Marker`.
 _ENCODINGS = {np.dtype(np.uint8): "rgb8", np.dtype(np.float32): "32FC1"}
 
 
-def definition(message_type: str) -> str:
-    """The text of a message's definition with those that it contains."""
-    text: str = STORE.generate_msgdef(message_type, ros_version=2)[0]
-    return text
-
-
-def encoded(message: Any) -> bytes:
-    """A message in CDR."""
-    return bytes(STORE.serialize_cdr(message, message.__msgtype__))
-
-
-def _make(name: str, **fields: Any) -> Any:
-    return STORE.types[name](**fields)
-
-
-def stamp(now: int) -> Any:
-    """An instant [ns]."""
-    seconds, rest = divmod(now, 1_000_000_000)
-    return _make("builtin_interfaces/msg/Time", sec=seconds, nanosec=rest)
-
-
-def header(now: int, frame: str) -> Any:
-    return _make("std_msgs/msg/Header", stamp=stamp(now), frame_id=frame)
-
-
 def image(data: Array, now: int, frame: str) -> Any:
     """A colour image (H, W, 3 or 4) of bytes, or a depth image (H, W, 1), [m]."""
     pixels = np.ascontiguousarray(data[:, :, :3])
-    return _make(
-        "sensor_msgs/msg/Image",
-        header=header(now, frame),
-        height=pixels.shape[0],
-        width=pixels.shape[1],
-        encoding=_ENCODINGS[pixels.dtype],
-        is_bigendian=0,
-        step=pixels.strides[0],
-        data=pixels.view(np.uint8).reshape(-1),
-    )
+    fields = {
+        "header": header(now, frame),
+        "height": pixels.shape[0],
+        "width": pixels.shape[1],
+        "encoding": _ENCODINGS[pixels.dtype],
+        "step": pixels.strides[0],
+        "data": pixels.tobytes(),
+    }
+    return made(IMAGE, fields)
 
 
-def camera_info(camera: CameraCalibration, now: int, frame: str) -> Any:
-    """What is believed of a camera, which has no distortion."""
-    lens = camera.intrinsics
-    fx, fy, cx, cy = lens.vector().tolist()
-    region = _make(
-        "sensor_msgs/msg/RegionOfInterest",
-        x_offset=0, y_offset=0, height=0, width=0, do_rectify=False,
-    )  # fmt: skip
-    return _make(
-        "sensor_msgs/msg/CameraInfo",
-        header=header(now, frame),
-        height=lens.height,
-        width=lens.width,
-        distortion_model="plumb_bob",
-        d=np.zeros(5),
-        k=np.array([fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]),
-        r=np.eye(3).ravel(),
-        p=np.array([fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0]),
-        binning_x=0,
-        binning_y=0,
-        roi=region,
-    )
+def camera_message(lens: Intrinsics, now: int, frame: str) -> Any:
+    """The intrinsics of a camera without distortion."""
+    return made(CAMERA_INFO, {"header": header(now, frame), **camera_info(lens)})
 
 
 def transforms(poses: Mapping[str, Array], now: int, world: str = WORLD) -> Any:
     """Frames by name, with their poses (4, 4) in the world, whose frame is called `world`."""
     each = [
-        _make(
-            "geometry_msgs/msg/TransformStamped",
-            header=header(now, world),
-            child_frame_id=frame,
-            transform=_make(
-                "geometry_msgs/msg/Transform",
-                translation=_vector(X[:3, 3]),
-                rotation=_quaternion(X),
-            ),
-        )
+        {
+            "header": header(now, world),
+            "child_frame_id": frame,
+            "transform": {
+                "translation": vector(X[:3, 3]),
+                "rotation": quaternion(RigidTransform(X)),
+            },
+        }
         for frame, X in poses.items()
     ]
-    return _make("tf2_msgs/msg/TFMessage", transforms=each)
-
-
-def _pose(X: Array) -> Any:
-    x, y, z = map(float, X[:3, 3])
-    return _make(
-        "geometry_msgs/msg/Pose",
-        position=_make("geometry_msgs/msg/Point", x=x, y=y, z=z),
-        orientation=_quaternion(X),
-    )
-
-
-def _vector(v: Array) -> Any:
-    x, y, z = map(float, v)
-    return _make("geometry_msgs/msg/Vector3", x=x, y=y, z=z)
-
-
-def _quaternion(X: Array) -> Any:
-    q = RigidTransform(np.asarray(X)).rotation().ToQuaternion()
-    return _make("geometry_msgs/msg/Quaternion", x=q.x(), y=q.y(), z=q.z(), w=q.w())
+    return made("tf2_msgs/msg/TFMessage", {"transforms": each})
 
 
 def pose_with_covariance(belief: ObjectPose, now: int, world: str = WORLD) -> Any:
@@ -132,15 +67,9 @@ def pose_with_covariance(belief: ObjectPose, now: int, world: str = WORLD) -> An
     change[:3] = np.hstack([np.cross(p, R, axisb=0, axisc=0), np.eye(3)])
     change[3:, :3] = R
     covariance = change @ belief.covariance @ change.T
-    return _make(
-        "geometry_msgs/msg/PoseWithCovarianceStamped",
-        header=header(now, world),
-        pose=_make(
-            "geometry_msgs/msg/PoseWithCovariance",
-            pose=_pose(belief.X_WO),
-            covariance=covariance.ravel(),
-        ),
-    )
+    found = {"pose": pose(RigidTransform(belief.X_WO)), "covariance": covariance.ravel()}
+    fields = {"header": header(now, world), "pose": found}
+    return made("geometry_msgs/msg/PoseWithCovarianceStamped", fields)
 
 
 def markers(found: ArticulatedObject, now: int, color: str, world: str = WORLD) -> Any:
@@ -153,16 +82,16 @@ def markers(found: ArticulatedObject, now: int, color: str, world: str = WORLD) 
     """
     top = header(now, world)
     poses = {found.root: found.X_WR} | {body.name: body.X_WB for body in found.bodies}
-    made: list[Any] = []
+    drawn: list[Any] = []
     for body, joint in zip(found.bodies, found.joints, strict=True):
         if np.isfinite([body.low, body.high]).all():
-            made.append(_box(body, top, color, len(made)))
+            drawn.append(_box(body, top, color, len(drawn)))
         if joint.moves:
-            made += _axis(joint, poses[joint.parent], body.X_WB, top, color, len(made))
-    return _make("visualization_msgs/msg/MarkerArray", markers=made)
+            drawn += _axis(joint, poses[joint.parent], body.X_WB, top, color, len(drawn))
+    return made("visualization_msgs/msg/MarkerArray", {"markers": drawn})
 
 
-def _box(body: ObjectBody, top: Any, color: str, number: int) -> Any:
+def _box(body: ObjectBody, top: Any, color: str, number: int) -> dict[str, Any]:
     X_WC = body.X_WB.copy()
     X_WC[:3, 3] += X_WC[:3, :3] @ (0.5 * (body.low + body.high))
     size = np.maximum(body.high - body.low, _AXIS_WIDTH)
@@ -192,28 +121,15 @@ def _axis(
 def _marker(
     kind: int, X: Array, size: Array, top: Any, color: str, number: int, *,
     alpha: float = 1.0, text: str = "",
-) -> Any:  # fmt: skip
+) -> dict[str, Any]:  # fmt: skip
     red, green, blue = (int(color[k : k + 2], 16) / 255.0 for k in (1, 3, 5))
-    nothing = np.zeros(0, np.uint8)
-    return _make(
-        "visualization_msgs/msg/Marker",
-        header=top,
-        ns="perceived",
-        id=number,
-        type=kind,
-        action=0,
-        pose=_pose(X),
-        scale=_vector(size),
-        color=_make("std_msgs/msg/ColorRGBA", r=red, g=green, b=blue, a=alpha),
-        lifetime=_make("builtin_interfaces/msg/Duration", sec=0, nanosec=0),
-        frame_locked=False,
-        points=[],
-        colors=[],
-        texture_resource="",
-        texture=_make("sensor_msgs/msg/CompressedImage", header=top, format="", data=nothing),
-        uv_coordinates=[],
-        text=text,
-        mesh_resource="",
-        mesh_file=_make("visualization_msgs/msg/MeshFile", filename="", data=nothing),
-        mesh_use_embedded_materials=False,
-    )
+    return {
+        "header": top,
+        "ns": "perceived",
+        "id": number,
+        "type": kind,
+        "pose": pose(RigidTransform(X)),
+        "scale": vector(size),
+        "color": {"r": red, "g": green, "b": blue, "a": alpha},
+        "text": text,
+    }

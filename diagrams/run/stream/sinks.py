@@ -9,8 +9,8 @@ from typing import Any, Protocol
 
 from mcap.writer import Writer
 
-from crossmodal.diagrams.run.stream.messages import definition, encoded
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line
+from crossmodal.systems.recordings.ros_messages import definition, encoded
 
 VIEWER = "foxglove"  # In place of a file's name.
 _PORT = 8765  # Foxglove's usual one.

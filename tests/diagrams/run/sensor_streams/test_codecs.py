@@ -17,17 +17,16 @@ from crossmodal.diagrams.joints.joint_truth import UNKNOWN_JOINT, JointTruth
 from crossmodal.diagrams.run.record import TaskStatus
 from crossmodal.diagrams.run.sensor_streams.codecs import (
     CAMERA_POSE,
-    DEFINITIONS,
     JOINT_STATES,
     WRENCHES,
     Codec,
     Topic,
     codec_for,
-    definition,
 )
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
 from crossmodal.systems.port_values import SampleWindow, StampedImage
+from crossmodal.systems.recordings.ros_messages import definition
 
 NOW = 3_066_666_667  # [ns]
 RNG = np.random.default_rng(0)
@@ -215,12 +214,3 @@ def test_the_last_of_several_messages_counts_but_for_windows() -> None:
 def test_a_type_that_no_message_holds_is_refused_by_its_name(value: Any) -> None:
     with pytest.raises(TypeError, match=f"the type {type(value).__name__} cannot be recorded"):
         codec_for(value)
-
-
-@pytest.mark.parametrize("message_type", DEFINITIONS)
-def test_every_definition_holds_the_parts_that_it_names(message_type: str) -> None:
-    text = definition(message_type)
-    for line in text.splitlines():
-        kind = line.split(" ")[0].removesuffix("[]")
-        if "/" in kind:
-            assert f"MSG: {kind}" in text

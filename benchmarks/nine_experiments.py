@@ -103,6 +103,8 @@ def main(
     for experiment in sorted(path for path in folder.iterdir() if path.is_dir()):
         folders = sorted(path.parent for path in experiment.glob("seed-*/summary.json"))
         episodes = [json.loads((path / "summary.json").read_text()) for path in folders]
+        if not episodes:
+            continue
         kind = episodes[0]["modalities"][FUSED]["joints"][0]["type_true"]
         unit = unit_of(kind)
         main_table.rows.append([experiment.name, *row(episodes, unit)])

@@ -37,6 +37,19 @@ def _files_in(folder: Path) -> list[Path]:
     return []
 
 
+def _is_cut_off(file: Path) -> bool:
+    """Whether a database of SQLite is shorter than its header says (sqlite.org/fileformat2.html).
+
+    SQLite itself notices that only when it reads a page that is not there.
+    """
+    with file.open("rb") as opened:
+        head = opened.read(100)
+    if not head.startswith(b"SQLite format 3\0") or head[24:28] != head[92:96]:
+        return False  # No database, or the count of pages is not valid.
+    page, count = (int.from_bytes(head[at : at + size], "big") for at, size in ((16, 2), (28, 4)))
+    return file.stat().st_size < (65536 if page == 1 else page) * count
+
+
 class BagRecording:
     """A bag: a file `.bag`, `.mcap` or `.db3`, a folder of ROS 2, or a folder of split files.
 
@@ -54,6 +67,9 @@ class BagRecording:
         for file in paths:
             if file.is_file() and is_lfs_pointer(file):
                 raise RecordingError(f"{file}: {STANDS_FOR_ANOTHER}")
+        for file in path.glob("*.db3") if path.is_dir() else [path]:
+            if file.is_file() and _is_cut_off(file):
+                raise RecordingError(f"{file}: is cut off: its last pages are not there")
         # A file of sqlite has no definitions of its messages before ROS 2 Iron.
         store = get_typestore(Stores.ROS2_HUMBLE)
         with self._damage("cannot be read"):

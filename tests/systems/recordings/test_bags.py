@@ -136,6 +136,14 @@ def _refused(path: Path) -> str:
     return said
 
 
+def test_a_database_without_its_last_page_is_refused(tmp_path: Path) -> None:
+    """Whether SQLite notices depends on its version and on what the page held."""
+    path = write_bag(tmp_path / "short", "db3", ROWS * 20)
+    (file,) = path.glob("*.db3")
+    file.write_bytes(file.read_bytes()[:-1])
+    assert "is cut off" in _refused(file)
+
+
 def test_an_unindexed_bag_says_how_it_is_indexed(tmp_path: Path) -> None:
     path = write_bag(tmp_path / "x.bag", "bag", ROWS)
     _unindexed(path)

@@ -1,7 +1,9 @@
 """The tables of docs/results/evaluation.md, from the folders of finished evaluations.
 
-crossmodal evaluate drawer --seeds 20 --jobs 2 --out results/drawer
-python -m benchmarks.nine_experiments results
+Each experiment has a folder of its own in one that is named:
+
+    crossmodal evaluate drawer --seeds 20 --jobs 2 --out results/drawer
+    python -m benchmarks.nine_experiments results
 """
 
 import json
@@ -43,16 +45,10 @@ def beside_the_better_part(episodes: list[Summary], *keys: str) -> Array:
 
 def row(episodes: list[Summary], unit: str) -> list[str]:
     """An experiment's cells of the main table."""
-    first = [episode["modalities"][FUSED]["joints"][0]["type_true"] for episode in episodes]
-    types = [
-        count(
-            [
-                e["modalities"][name]["joints"][0]["type_estimated"] == true
-                for e, true in zip(episodes, first, strict=True)
-            ]
-        )
-        for name in MODALITIES
-    ]
+    types = []
+    for name in MODALITIES:
+        joints = [episode["modalities"][name]["joints"][0] for episode in episodes]
+        types.append(count([joint["type_estimated"] == joint["type_true"] for joint in joints]))
     keys = (("configuration_rms_moving",), ("configuration_error_at_turn", "configuration_error"))
     ratios = [float(quantile(beside_the_better_part(episodes, *key), 0.5)) for key in keys]
     return [
@@ -71,8 +67,8 @@ def row(episodes: list[Summary], unit: str) -> list[str]:
 def ticks_inside(folders: list[Path]) -> list[str]:
     """Share of each modality's ticks whose configuration is inside two reported deviations.
 
-    A body that does not move as far as is believed has no deviation, and a joint of another kind
-    than the true one has another unit; how many such ticks there are is said in brackets.
+    There is no deviation where the body is believed not to move, and no truth where the believed
+    joint has another unit than the true one. The share of such ticks is in brackets.
     """
     cells = []
     for name in MODALITIES:

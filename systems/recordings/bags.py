@@ -64,12 +64,11 @@ class BagRecording:
         self.name = str(path)
         with_metadata = path.is_dir() and (path / "metadata.yaml").exists()
         paths = _files_in(path) if path.is_dir() and not with_metadata else [path]
-        for file in paths:
-            if file.is_file() and is_lfs_pointer(file):
+        for file in filter(Path.is_file, _files_in(path) if path.is_dir() else [path]):
+            if is_lfs_pointer(file):
                 raise RecordingError(f"{file}: {STANDS_FOR_ANOTHER}")
-        for file in path.glob("*.db3") if path.is_dir() else [path]:
-            if file.is_file() and _is_cut_off(file):
-                raise RecordingError(f"{file}: is cut off: its last pages are not there")
+            if _is_cut_off(file):
+                raise RecordingError(f"{file}: was cut off at its end; copy or record it again")
         # A file of sqlite has no definitions of its messages before ROS 2 Iron.
         store = get_typestore(Stores.ROS2_HUMBLE)
         with self._damage("cannot be read"):

@@ -33,7 +33,7 @@ def encoded(message: Any) -> bytes:
 
 
 def made(kind: str, fields: Mapping[str, Any], types: "Typestore | None" = None) -> Any:
-    """A message with these fields, of which those that are messages may be mappings, too.
+    """A message with these fields, of which those that are messages are mappings, too.
 
     Fields that are not given are zero or empty. A name that ROS 1 writes in capitals is found in
     either form.
@@ -54,17 +54,13 @@ def made(kind: str, fields: Mapping[str, Any], types: "Typestore | None" = None)
 def _value(types: "Typestore", node: int, detail: Any, value: Any) -> Any:
     from rosbags.interfaces import Nodetype
 
-    def inner_message(kind: str, given: Any) -> Any:
-        is_made = hasattr(given, "__msgtype__")
-        return given if is_made else made(kind, given or {}, types)
-
     if node == Nodetype.NAME:
-        return inner_message(detail, value)
+        return made(detail, value or {}, types)
     if node == Nodetype.BASE:
         return ("" if detail[0] == "string" else 0) if value is None else value
     (inner, part), size = detail
     if inner == Nodetype.NAME:
-        return [inner_message(part, item) for item in value or ()]
+        return [made(part, item, types) for item in value or ()]
     if part[0] == "string":
         return list(value or ())
     return _numbers(value, part[0], size if node == Nodetype.ARRAY else 0)

@@ -141,7 +141,15 @@ def test_a_database_without_its_last_page_is_refused(tmp_path: Path) -> None:
     path = write_bag(tmp_path / "short", "db3", ROWS * 20)
     (file,) = path.glob("*.db3")
     file.write_bytes(file.read_bytes()[:-1])
-    assert "is cut off" in _refused(file)
+    assert "was cut off" in _refused(file)
+
+
+@pytest.mark.parametrize("kind", ["db3", "mcap"])
+def test_a_folder_whose_file_git_lfs_keeps_elsewhere_is_refused(kind: str, tmp_path: Path) -> None:
+    path = write_bag(tmp_path / "elsewhere", kind, ROWS)
+    (file,) = path.glob(f"*.{kind}")
+    file.write_text("version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 1\n")
+    assert "Git LFS" in _refused(path)
 
 
 def test_an_unindexed_bag_says_how_it_is_indexed(tmp_path: Path) -> None:

@@ -125,8 +125,9 @@ _HINGE_PITCH = 3e-3  # What errors that last make a hinge climb, [m/rad].
 def joints_of_furniture() -> KinematicModelConfig:
     """What an arm opens has its hinge within reach.
 
-    Bodies that are followed by vision drift by a tenth of a millimetre or two for seconds. The hand
-    pulls at what it holds; unseen, that body's error is that of the hand.
+    Bodies that are followed by vision drift by a tenth of a millimetre or two for seconds, and more
+    where features come and go, as they themselves declare. The hand pulls at what it holds; unseen,
+    that body's error is that of the hand.
     """
     return KinematicModelConfig(
         filters=JointFiltersConfig(
@@ -134,7 +135,10 @@ def joints_of_furniture() -> KinematicModelConfig:
             ranking_priors=_FURNITURE,
             hinge_pitch=_HINGE_PITCH,
             errors=MeasurementErrorsConfig(
-                correlated_rotation=1.5e-3, correlated_translation=1.5e-4, correlated_time=2.0
+                correlated_rotation=1.5e-3,
+                correlated_translation=1.5e-4,
+                correlated_time=2.0,
+                declared_time=2.0,
             ),
         ),
         held_errors=MeasurementErrorsConfig(

@@ -202,6 +202,7 @@ def reset_body(
     x, P = error_state.fade(body.x, body.P, layout.b, 0.0)
     offset = body.offset + P[:6, :6]
     P = error_state.reset(P, _POSE, seen.covariance)
+    x, P = error_state.copied(x, P, layout.b, layout.o)
     return replace(
         body,
         X_WB=seen.X,
@@ -226,14 +227,19 @@ def correct_body(
 ) -> BodyState | None:
     """Corrects by the pose that the features show, seen = X_WB exp(xi + offset b + noise).
 
-    The offset stays as far as the features are the same as at the last tick that saw any; the grasp
-    learns from vision too, so its line's error is another one from now on. An innovation that
+    Landmarks are wrong independently of each other, so that the means of two sets of n and m, of
+    which k are in both, are correlated by k / sqrt(n m): so far the offset stays as it was at the
+    last tick that saw any. The grasp learns from vision too, so its line's error is another one
+    from now on. An innovation that
     nothing explains means that the body slipped: the pose's covariance grows first. Only features
     seen before can show that; with too few of them, the features lie on something else: None.
     """
     layout = Layout(body.hand.bias_jacobian.shape[1])
-    kept = np.isin(feature_ids, body.feature_ids).mean() if len(feature_ids) else 0.0
-    x, P = error_state.fade(body.x, body.P, layout.b, float(kept))
+    common = np.intersect1d(feature_ids, body.feature_ids).size
+    kept = common / np.sqrt(max(1, len(feature_ids) * len(body.feature_ids)))
+    x, P = error_state.fade(body.x, body.P, layout.b, kept)
+    if not len(body.feature_ids):
+        x, P = error_state.copied(x, P, layout.b, layout.o)
     x, P = error_state.fade(x, P, layout.s, 0.0)
     H = np.zeros((6, layout.size))
     H[:, :6] = np.eye(6)
@@ -241,12 +247,13 @@ def correct_body(
     P = error_state.inflate(P, _POSE, body.since_reference.covariance - body.pose.covariance)
     innovation = se3.log(se3.inverse(body.X_WB) @ seen.X) - H @ x
     if nees(innovation, H @ P @ H.T + seen.covariance) > _UNLIKELY:
-        if kept < config.retained_share:
+        if common < config.retained_share * len(feature_ids):
             return None
         P = error_state.inflate(P, _POSE, np.diag(pose_scale(config.jump) ** 2))
     considered = np.zeros(layout.size, dtype=np.bool_)
     considered[layout.f] = True
     considered[layout.b] = True
+    considered[layout.o] = True
     considered[layout.k] = body.grasp_type not in _LOOSE_TYPES
     correction, P = schmidt_update(P, H, seen.covariance, innovation, considered)
     x = x + correction

@@ -13,6 +13,8 @@ Error state, all but the first in units of their own standard deviation:
               constant, as the body of a hinge turns by one radian per radius; only considered
               unless the likeliest grasp lets it
     s   (6,)  error of the grasping axis and of the point on it; constant while no features are seen
+    o   (6,)  b as it was when features were first seen since the reference or a reset; a constant,
+              only considered, which says what of the pose's error has been the same since then
 
 The constants make the displacement's error honest over time: they are the same at every tick, so
 they grow with the way that the hand has moved and do not average away. Vision, while it lasts,
@@ -68,12 +70,15 @@ class HeldBodyMotionConfig(Ticked):
     retained_share: float = number(0.5, above=0.0, at_most=1.0)
 
 
+_LEAST = 1e-9  # Added to the variance of what may not have changed at all.
+
+
 class Layout:
     """Where the parts of the error state lie, for m constants; the pose's error is first."""
 
     def __init__(self, m: int) -> None:
-        ends = np.cumsum([6, m, 6, 6, 2, 3, 6]).tolist()
-        self.c, self.n, self.b, self.f, self.k, self.s = map(slice, ends, ends[1:])
+        ends = np.cumsum([6, m, 6, 6, 2, 3, 6, 6]).tolist()
+        self.c, self.n, self.b, self.f, self.k, self.s, self.o = map(slice, ends, ends[1:])
         self.size = ends[-1]
 
 
@@ -134,13 +139,24 @@ class BodyState(Immutable):
     def constant(self) -> Array:
         """Covariance (6, 6), in B, of the errors that all ticks since the reference share.
 
-        They are those since the last reset, and what the pose shares with the landmarks' error b.
+        They are those since the last reset, and what the pose shares with the landmarks' error o.
         """
-        b = Layout(self.hand.bias_jacobian.shape[1]).b
-        shared = np.linalg.solve(self.P[b, b], self.P[b, :6])
-        return symmetric(self.offset + self.P[:6, b] @ shared)
+        o = self._layout.o
+        return symmetric(self.offset + self.P[:6, o] @ self.P[o, :6])
 
     @property
     def correlated(self) -> Array:
-        """Covariance (6, 6), in B, of the errors that are correlated over seconds."""
-        return self.unseen_growth + (1.0 - self.settled) ** 2 * self.reference_error
+        """Covariance (6, 6), in B, of the errors that are correlated over seconds.
+
+        Features come and go, and with them what the pose shares with their landmarks' error b.
+        """
+        b, o = self._layout.b, self._layout.o
+        since = np.eye(6) * (1.0 + _LEAST) - self.P[b, o] @ self.P[o, b]  # Of b, given o.
+        shared = self.P[:6, b] - self.P[:6, o] @ self.P[o, b]
+        of_landmarks = symmetric(shared @ np.linalg.solve(since, shared.T))
+        settling = (1.0 - self.settled) ** 2 * self.reference_error
+        return self.unseen_growth + settling + of_landmarks
+
+    @property
+    def _layout(self) -> Layout:
+        return Layout(self.hand.bias_jacobian.shape[1])

@@ -67,12 +67,14 @@ class Sighting:
         pose: X_WB from the features alone, with one frame's noise.
         offset_covariance: (6, 6), in B, of what stays as long as the features do.
         body: The body as rigid-body motion describes it, with its features' positions in it.
-        rows: Those of its features (K,) that are seen and agree.
+        ids: Its features (M,) that are seen; one that errs at this tick alone is no other feature.
+        rows: Those of its features (K,), by row, that are seen and agree.
     """
 
     pose: PoseBelief
     offset_covariance: Array
     body: BodyMotion
+    ids: Ids
     rows: Ids
 
 
@@ -110,6 +112,7 @@ def sight(
         pose=PoseBelief(X=X, covariance=0.5 * (white + white.T)),
         offset_covariance=0.5 * (offset + offset.T) + np.diag(floor),
         body=body,
+        ids=body.feature_ids[rows],
         rows=rows[agree],
     )
 
@@ -309,9 +312,8 @@ class HeldBodyMotion(RecursiveFilter):
         sighting = sight(body.X_WB, features, motions, self._config)
         if sighting is None:
             return body, None
-        ids = sighting.body.feature_ids[sighting.rows]
         offset, resets = sighting.offset_covariance, sighting.body.reset_count
         if resets != body.reset_count:
-            return reset_body(body, sighting.pose, offset, ids, resets), sighting
-        corrected = correct_body(body, sighting.pose, offset, ids, self._config)
+            return reset_body(body, sighting.pose, offset, sighting.ids, resets), sighting
+        corrected = correct_body(body, sighting.pose, offset, sighting.ids, self._config)
         return (body, None) if corrected is None else (corrected, sighting)

@@ -51,6 +51,8 @@ class Scene:
         lit_from: [s]; if above zero, the features are placed in the body where it is believed to be
             when the light goes on.
         duration: [s].
+        seen_share: Of the features, as far as they are seen at once.
+        passed: How many of the others have come, and as many have gone, at a time [s].
     """
 
     displacement: Callable[[float], np.ndarray]
@@ -61,6 +63,8 @@ class Scene:
     dark_from: float = np.inf
     lit_from: float = 0.0
     duration: float = 8.0
+    seen_share: float = 1.0
+    passed: Callable[[float], int] = lambda t: 0
 
 
 @dataclass(kw_only=True)
@@ -196,18 +200,19 @@ class Episode:
 
     def vision(self, t: float) -> tuple[FeatureBelief, BodyMotions]:
         lit = self.scene.lit_from <= t < self.scene.dark_from
-        count = len(self.p_BF) if lit else 0
+        count = round(self.scene.seen_share * len(self.p_BF)) if lit else 0
+        seen = np.arange(count) + self.scene.passed(t)
         X = self.X_WB(t)
         p_WF = self.p_BF @ X[:3, :3].T + X[:3, 3]
         p_WF = p_WF + FEATURE_SIGMA * self.rng.normal(size=p_WF.shape)
         ids = np.arange(len(p_WF), dtype=np.int64)
         covariance = np.tile(FEATURE_SIGMA**2 * np.eye(3), (count, 1, 1))
         features = FeatureBelief(
-            ids=ids[:count],
+            ids=ids[seen],
             uv=np.zeros((count, 2)),
-            p_WF=p_WF[:count],
+            p_WF=p_WF[seen],
             covariance=covariance,
-            age=ids[:count],
+            age=ids[seen],
         )
         motion = MotionBelief(X=np.eye(4), V=np.zeros(6), covariance=np.eye(12))
         body = BodyMotion(

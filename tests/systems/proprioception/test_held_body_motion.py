@@ -195,6 +195,25 @@ def test_what_all_ticks_have_in_common_is_known_and_declared() -> None:
     assert nees_is_consistent(distances)
 
 
+def test_what_changes_with_the_features_is_not_called_constant() -> None:
+    """One after the other is replaced; between the first ones and the last the error differs."""
+    config = HeldBodyMotionConfig(landmark_rotation_floor=1e-9, landmark_translation_floor=1e-9)
+    scene = Scene(
+        displacement=pull(), duration=8.0, seen_share=0.5, passed=lambda t: round(15.0 * t / 8.0)
+    )
+    distances = []
+    for seed in range(12):
+        ticks = run(scene, seed, vision=True, body_config=config)
+        first, last = (
+            np.mean([body_error(t) for t in part], 0) for part in (ticks[3:18], ticks[-15:])
+        )
+        body = ticks[-1].body
+        changed = body.motion.covariance[:6, :6] - body.offset_covariance
+        assert np.linalg.eigvalsh(changed - body.correlated_covariance).min() > 0.0
+        distances.append((last - first) @ np.linalg.solve(changed, last - first))
+    assert nees_is_consistent(distances)
+
+
 def revolute_scene(dark_from: float, duration: float = 8.0) -> Scene:
     return Scene(
         displacement=pull(),
@@ -354,7 +373,8 @@ def test_what_grows_unseen_lasts_until_it_is_seen_again() -> None:
     correlated = [tick.body.correlated_covariance for tick in ticks]
     seen = [tick.body.seen is not None for tick in ticks]
     assert sum(seen) > 30
-    assert not any(matrix.any() for matrix, sees in zip(correlated, seen, strict=True) if sees)
+    while_seen = [matrix for matrix, sees in zip(correlated, seen, strict=True) if sees]
+    np.testing.assert_allclose(while_seen, 0.0, atol=1e-12)
     last = ticks[-1].body
     growth = np.diag(last.correlated_covariance)[3:]
     assert np.all(growth > 0.0)

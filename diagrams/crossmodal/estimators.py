@@ -134,12 +134,7 @@ def joints_of_furniture() -> KinematicModelConfig:
             type_priors=_FURNITURE,
             ranking_priors=_FURNITURE,
             hinge_pitch=_HINGE_PITCH,
-            errors=MeasurementErrorsConfig(
-                correlated_rotation=1.5e-3,
-                correlated_translation=1.5e-4,
-                correlated_time=2.0,
-                declared_time=2.0,
-            ),
+            errors=MeasurementErrorsConfig(declared_time=2.0),
         ),
         held_errors=MeasurementErrorsConfig(
             correlated_rotation=3e-3,

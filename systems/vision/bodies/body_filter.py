@@ -62,6 +62,15 @@ class BodyFilter(Immutable):
         """Joint covariance of the landmarks (3K, 3K), [m^2]."""
         return self.P[_MOTION:, _MOTION:].copy()
 
+    @property
+    def of_landmarks(self) -> Array:
+        """Covariance (6, 6), in B, of what the pose's error shares with those of the landmarks."""
+        if not len(self.ids):
+            return np.zeros((6, 6))
+        square_root = scipy.linalg.cholesky(self.P[_MOTION:, _MOTION:], lower=True)
+        shared = scipy.linalg.solve_triangular(square_root, self.P[_MOTION:, _POSE], lower=True)
+        return np.asarray(shared.T @ shared)
+
 
 def at_reference(X_WB: Array, sigma_V: Array) -> BodyFilter:
     """A body at its reference pose, known by definition, with velocity 0 +- `sigma_V` (6,)."""

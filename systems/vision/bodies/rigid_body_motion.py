@@ -180,6 +180,7 @@ def body_motion(body: TrackedBody, age: float, assigned: Ids) -> BodyMotion:
         feature_ids=body.filter.ids,
         p_BF=body.filter.p_BF,
         p_BF_covariance=body.filter.landmark_covariance,
+        correlated_covariance=body.filter.of_landmarks,
         reference_age=age,
         reset_count=body.reset_count,
         offset_covariance=body.offset,

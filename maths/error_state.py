@@ -44,16 +44,6 @@ def fade(x: Array, P: Array, part: slice, rho: float) -> tuple[Array, Array]:
     return x, P
 
 
-def copied(x: Array, P: Array, part: slice, to: slice) -> tuple[Array, Array]:
-    """Mean (n,) and covariance (n, n) with one part's present value in the place of another."""
-    x, P = x.copy(), P.copy()
-    x[to] = x[part]
-    P[to] = P[part]
-    P[:, to] = P[:, part]
-    P[to, to] = P[part, part]
-    return x, P
-
-
 def reset(P: Array, part: slice, own: Array | float) -> Array:
     """The covariance (n, n) after one part was found anew, with covariance `own` (k, k).
 

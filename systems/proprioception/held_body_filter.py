@@ -31,12 +31,6 @@ _UNLIKELY = outlier_gate(6)
 _REFERENCE_VARIANCE = 1e-12  # Of the reference pose, known by definition, [rad^2, m^2].
 
 
-def positive_part(matrix: Array) -> Array:
-    """The nearest positive semidefinite matrix to a symmetric one (n, n)."""
-    values, vectors = np.linalg.eigh(symmetric(matrix))
-    return np.asarray(vectors * np.maximum(values, 0.0) @ vectors.T)
-
-
 def start_body(
     hand: BentHand, grasp: GraspBelief, config: HeldBodyMotionConfig, delay: float = 0.0
 ) -> BodyState:
@@ -77,7 +71,6 @@ def shift_body(body: BodyState, shift: float, config: HeldBodyMotionConfig) -> B
     return replace(
         body,
         P=error_state.inflate(body.P, _POSE, moved),
-        unseen_growth=body.unseen_growth + moved,
         shift=shift,
     )
 
@@ -134,7 +127,6 @@ def predict_body(
     x = F @ body.x
     X_WB = before.X_WH @ step @ se3.inverse(before.X_WH) @ body.X_WB @ se3.exp(x[:6])
     x[:6] = 0.0
-    unseen_growth = positive_part(body.unseen_growth + P[:6, :6] - body.P[:6, :6])
     remains = (1.0 - body.settled) * np.exp(-config.period / config.reference_error_time)
     return replace(
         body,
@@ -142,7 +134,6 @@ def predict_body(
         X_WB=X_WB,
         x=x,
         P=symmetric(P),
-        unseen_growth=unseen_growth,
         settled=1.0 - remains,
     )
 
@@ -187,7 +178,6 @@ def with_velocity(
 def reset_body(
     body: BodyState,
     seen: PoseBelief,
-    offset_covariance: Array,
     feature_ids: Ids,
     reset_count: int,
 ) -> BodyState:
@@ -195,23 +185,19 @@ def reset_body(
 
     They know nothing of the pose's error until then, but say how the body moves from now on: that
     error becomes a constant `offset`, and the pose is where they see it, up to their noise. Of the
-    reference's error, what has settled stays; from now on the landmarks settle, as they are placed
-    better.
+    reference's error, what has settled stays.
     """
     layout = Layout(body.hand.bias_jacobian.shape[1])
     x, P = error_state.fade(body.x, body.P, layout.b, 0.0)
     offset = body.offset + P[:6, :6]
     P = error_state.reset(P, _POSE, seen.covariance)
-    x, P = error_state.copied(x, P, layout.b, layout.o)
     return replace(
         body,
         X_WB=seen.X,
         x=x,
         P=P,
         feature_ids=feature_ids,
-        unseen_growth=np.zeros((6, 6)),
-        reference_error=offset_covariance,
-        settled=0.0,
+        reference_error=np.zeros((6, 6)),
         reset_count=reset_count,
         offset=offset,
         reference_offset=body.reference_offset + body.settled**2 * body.reference_error,
@@ -238,8 +224,6 @@ def correct_body(
     common = np.intersect1d(feature_ids, body.feature_ids).size
     kept = common / np.sqrt(max(1, len(feature_ids) * len(body.feature_ids)))
     x, P = error_state.fade(body.x, body.P, layout.b, kept)
-    if not len(body.feature_ids):
-        x, P = error_state.copied(x, P, layout.b, layout.o)
     x, P = error_state.fade(x, P, layout.s, 0.0)
     H = np.zeros((6, layout.size))
     H[:, :6] = np.eye(6)
@@ -253,20 +237,16 @@ def correct_body(
     considered = np.zeros(layout.size, dtype=np.bool_)
     considered[layout.f] = True
     considered[layout.b] = True
-    considered[layout.o] = True
     considered[layout.k] = body.grasp_type not in _LOOSE_TYPES
     correction, P = schmidt_update(P, H, seen.covariance, innovation, considered)
     x = x + correction
     X_WB = body.X_WB @ se3.exp(x[:6])
     x[:6] = 0.0
-    none = np.zeros((6, 6))
-    reference_error = body.reference_error if body.reset_count else none
     return replace(
         body,
         X_WB=X_WB,
         x=x,
         P=P,
         feature_ids=feature_ids,
-        unseen_growth=none,
-        reference_error=reference_error,
+        reference_error=np.zeros((6, 6)),
     )

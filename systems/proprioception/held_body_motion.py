@@ -107,10 +107,9 @@ def sight(
     agree = distance <= GATE
     if agree.sum() < max(config.minimum_features, config.inlier_share * len(rows)):
         return None
-    floor = np.repeat([config.landmark_rotation_floor**2, config.landmark_translation_floor**2], 3)
     return Sighting(
         pose=PoseBelief(X=X, covariance=0.5 * (white + white.T)),
-        offset_covariance=0.5 * (offset + offset.T) + np.diag(floor),
+        offset_covariance=0.5 * (offset + offset.T),
         body=body,
         ids=body.feature_ids[rows],
         rows=rows[agree],
@@ -177,9 +176,9 @@ def body_motions(state: HeldBodyState) -> BodyMotions:
                 body_id=HELD_BODY,
                 motion=MotionBelief(X=body.X_WB, V=body.V, covariance=covariance),
                 X_WB_reference=body.X_WB_reference,
-                correlated_covariance=body.correlated,
+                correlated_covariance=body.correlated(is_seen=sighting is not None),
                 reset_count=body.reset_count,
-                offset_covariance=body.constant,
+                offset_covariance=body.offset,
                 reference_offset_covariance=body.reference_offset,
                 reference_delay=body.reference_delay,
                 is_seen=not state.is_doubted,
@@ -198,7 +197,8 @@ class HeldBodyMotion(RecursiveFilter):
     turns the path by its rotation and otherwise cancels. N is that of a grasp that has not failed,
     unless a failure is likelier than not and the body is seen, which then stays where it was.
     Without vision the prediction is the belief. Once the grasp is believed to have failed and the
-    body is not seen, where it would be is no measurement any more (`BodyMotion.is_seen`), and from
+    body is not seen, where it would be is no measurement any more (`BodyMotion.is_seen`), although the
+    prior still says where the eye would find it, and from
     `GraspFailureConfig.certain` on nothing is held, until the hand opens and closes again. With
     `corrected_by_vision`, the features that rigid-body motion has assigned to the body are
     registered to their positions in it and correct pose and constants; whenever there are too few
@@ -280,12 +280,11 @@ class HeldBodyMotion(RecursiveFilter):
             Ad = se3.adjoint(se3.inverse(bending.X))
             V_covariance = Ad @ end_effector.covariance[6:, 6:] @ Ad.T
             body = with_velocity(body, Ad @ end_effector.V, V_covariance, grasp, self._config)
-        value.set_value(HeldBodyState(body=body, is_doubted=stored.is_doubted))
+        value.set_value(HeldBodyState(body=body))
 
     def _write_prior(self, context: Context, value: AbstractValue) -> None:
         prior: HeldBodyState = self._prior.Eval(context)
-        body = None if prior.is_doubted else prior.body
-        value.set_value(NO_POSE if body is None else body.since_reference)
+        value.set_value(NO_POSE if prior.body is None else prior.body.since_reference)
 
     def _calc_posterior_state(self, context: Context, state: Any) -> HeldBodyState:
         body = self._prior.Eval(context).body
@@ -314,6 +313,6 @@ class HeldBodyMotion(RecursiveFilter):
             return body, None
         offset, resets = sighting.offset_covariance, sighting.body.reset_count
         if resets != body.reset_count:
-            return reset_body(body, sighting.pose, offset, sighting.ids, resets), sighting
+            return reset_body(body, sighting.pose, sighting.ids, resets), sighting
         corrected = correct_body(body, sighting.pose, offset, sighting.ids, self._config)
         return (body, None) if corrected is None else (corrected, sighting)

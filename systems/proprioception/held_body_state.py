@@ -13,8 +13,6 @@ Error state, all but the first in units of their own standard deviation:
               constant, as the body of a hinge turns by one radian per radius; only considered
               unless the likeliest grasp lets it
     s   (6,)  error of the grasping axis and of the point on it; constant while no features are seen
-    o   (6,)  b as it was when features were first seen since the reference or a reset; a constant,
-              only considered, which says what of the pose's error has been the same since then
 
 The constants make the displacement's error honest over time: they are the same at every tick, so
 they grow with the way that the hand has moved and do not average away. Vision, while it lasts,
@@ -60,25 +58,18 @@ class HeldBodyMotionConfig(Ticked):
     minimum_features: int = number(4, at_least=3, at_most=10000)
     # Least share of them that agrees on one pose.
     inlier_share: float = number(0.5, above=0.0, at_most=1.0)
-    # Common error of the landmarks.
-    landmark_rotation_floor: float = number(2.0e-3, at_least=1e-9, at_most=1.0, unit="rad")
-    # The same for the translation.
-    landmark_translation_floor: float = number(3.0e-4, at_least=1e-9, at_most=1.0, unit="m")
     # Standard deviation of a slip that shows as an outlier.
     jump: float = number(0.01, at_least=1e-9, at_most=10.0, unit="m")
     # Least share of features seen before that shows a slip.
     retained_share: float = number(0.5, above=0.0, at_most=1.0)
 
 
-_LEAST = 1e-9  # Added to the variance of what may not have changed at all.
-
-
 class Layout:
     """Where the parts of the error state lie, for m constants; the pose's error is first."""
 
     def __init__(self, m: int) -> None:
-        ends = np.cumsum([6, m, 6, 6, 2, 3, 6, 6]).tolist()
-        self.c, self.n, self.b, self.f, self.k, self.s, self.o = map(slice, ends, ends[1:])
+        ends = np.cumsum([6, m, 6, 6, 2, 3, 6]).tolist()
+        self.c, self.n, self.b, self.f, self.k, self.s = map(slice, ends, ends[1:])
         self.size = ends[-1]
 
 
@@ -94,10 +85,8 @@ class BodyState(Immutable):
         V: V_WB_B (6,), with covariance V_covariance (6, 6).
         feature_ids: The features seen last.
         grasp_type: The type under which f and k have their present meaning.
-        unseen_growth: (6, 6), in B, by what the pose's covariance has grown since features
-            corrected it; it comes from the hand's errors, which are correlated over time.
         reference_error: (6, 6), in B, of the grip's settling since the reference; zero once
-            features have been seen, unless the landmarks were placed anew: then of theirs.
+            features have been seen.
         settled: Share of that error's way that is over, from zero to one.
         reset_count: How many times vision has placed its landmarks anew.
         offset: (6, 6), in B, of the pose's constant error since then; not part of P.
@@ -117,7 +106,6 @@ class BodyState(Immutable):
     V: Array = field(default_factory=lambda: np.zeros(6))
     V_covariance: Array = field(default_factory=lambda: 1e-4 * np.eye(6))
     feature_ids: Ids = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
-    unseen_growth: Array = field(default_factory=lambda: np.zeros((6, 6)))
     reset_count: int = 0
     offset: Array = field(default_factory=lambda: np.zeros((6, 6)))
     reference_offset: Array = field(default_factory=lambda: np.zeros((6, 6)))
@@ -132,31 +120,16 @@ class BodyState(Immutable):
     @property
     def since_reference(self) -> PoseBelief:
         """The pose; uncertain also by the grip's settling so far, which the body did not follow."""
-        settled = np.zeros((6, 6)) if self.reset_count else self.settled**2 * self.reference_error
+        settled = self.settled**2 * self.reference_error
         return PoseBelief(X=self.X_WB, covariance=self.pose.covariance + settled)
 
-    @property
-    def constant(self) -> Array:
-        """Covariance (6, 6), in B, of the errors that all ticks since the reference share.
-
-        They are those since the last reset, and what the pose shares with the landmarks' error o.
-        """
-        o = self._layout.o
-        return symmetric(self.offset + self.P[:6, o] @ self.P[o, :6])
-
-    @property
-    def correlated(self) -> Array:
+    def correlated(self, is_seen: bool) -> Array:
         """Covariance (6, 6), in B, of the errors that are correlated over seconds.
 
-        Features come and go, and with them what the pose shares with their landmarks' error b.
+        Where features are seen, these are what the pose shares with their landmarks, which lasts
+        for as long as they do, and what is left of the grip's settling. Unseen, it is all: the
+        hand's errors change slowly, and what was wrong when features were seen last stays so.
         """
-        b, o = self._layout.b, self._layout.o
-        since = np.eye(6) * (1.0 + _LEAST) - self.P[b, o] @ self.P[o, b]  # Of b, given o.
-        shared = self.P[:6, b] - self.P[:6, o] @ self.P[o, b]
-        of_landmarks = symmetric(shared @ np.linalg.solve(since, shared.T))
-        settling = (1.0 - self.settled) ** 2 * self.reference_error
-        return self.unseen_growth + settling + of_landmarks
-
-    @property
-    def _layout(self) -> Layout:
-        return Layout(self.hand.bias_jacobian.shape[1])
+        b = Layout(self.hand.bias_jacobian.shape[1]).b
+        of_pose = self.P[:6, b] @ self.P[b, :6] if is_seen else self.P[:6, :6]
+        return symmetric(of_pose) + (1.0 - self.settled) ** 2 * self.reference_error

@@ -51,16 +51,6 @@ def test_a_gauss_markov_process_keeps_its_variance_and_forgets_exponentially() -
     assert_allclose(P[0, 2], 0.5 * np.exp(-1.0))
 
 
-def test_a_copied_part_is_the_same_state(rng: np.random.Generator) -> None:
-    other = slice(5, 8)
-    x, P = error_state.copied(np.arange(8.0), covariance(rng, 8), PART, other)
-    difference = np.zeros((3, 8))
-    difference[:, PART], difference[:, other] = np.eye(3), -np.eye(3)
-    assert_array_equal(difference @ x, 0.0)
-    assert_array_equal(difference @ P, 0.0)
-    assert_array_equal(P @ difference.T, 0.0)
-
-
 def test_without_any_share_it_is_back_at_its_prior(rng: np.random.Generator) -> None:
     x, P = error_state.fade(np.ones(7), covariance(rng, 7), PART, 0.0)
     assert_array_equal(x[PART], 0.0)

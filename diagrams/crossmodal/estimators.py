@@ -125,22 +125,15 @@ _HINGE_PITCH = 3e-3  # What errors that last make a hinge climb, [m/rad].
 def joints_of_furniture() -> KinematicModelConfig:
     """What an arm opens has its hinge within reach.
 
-    Bodies that are followed by vision drift by a tenth of a millimetre or two for seconds, and more
-    where features come and go, as they themselves declare. The hand pulls at what it holds; unseen,
-    that body's error is that of the hand.
+    What the bodies declare to be correlated of their errors, those of their landmarks and of the
+    hand, lasts for some seconds.
     """
     return KinematicModelConfig(
         filters=JointFiltersConfig(
             type_priors=_FURNITURE,
             ranking_priors=_FURNITURE,
             hinge_pitch=_HINGE_PITCH,
-            errors=MeasurementErrorsConfig(declared_time=2.0),
-        ),
-        held_errors=MeasurementErrorsConfig(
-            correlated_rotation=3e-3,
-            correlated_translation=3e-4,
-            correlated_time=2.0,
-            declared_time=5.0,
+            errors=MeasurementErrorsConfig(declared_time=3.0),
         ),
     )
 

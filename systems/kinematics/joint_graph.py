@@ -7,7 +7,6 @@ the parent too.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -24,7 +23,7 @@ from crossmodal.systems.kinematics.joint_pairs import (
     possible_pairs,
     scheduled_pairs,
 )
-from crossmodal.systems.kinematics.measurement_errors import EXACT, MeasurementErrorsConfig
+from crossmodal.systems.kinematics.measurement_errors import EXACT
 from crossmodal.systems.kinematics.pose_checks import SkipReason, covariance_fault, pose_fault
 from crossmodal.systems.kinematics.seen_body import (
     UNSEEN,
@@ -56,8 +55,7 @@ class KinematicModelConfig(Ticked):
     """Configuration of `KinematicModel`.
 
     Attributes:
-        filters: Of every pair; its errors are those of bodies that the eye follows.
-        held_errors: Of the body in the hand while nobody sees it, and of two bodies that both move.
+        filters: Of every pair.
         reference_age: How long before a body was first measured its reference may be.
         patience: How long a pair outlives its bodies' measurements.
         max_pairs: Most pairs that are updated in a tick. Those with the static environment always
@@ -71,7 +69,6 @@ class KinematicModelConfig(Ticked):
     """
 
     filters: JointFiltersConfig = field(default_factory=JointFiltersConfig)
-    held_errors: MeasurementErrorsConfig = field(default_factory=MeasurementErrorsConfig)
     reference_age: float = number(1.0, at_least=1e-3, at_most=3600.0, unit="s")
     patience: float = number(1.0, at_least=0.0, at_most=3600.0, unit="s")
     max_pairs: int = number(10, at_least=1, at_most=100)
@@ -114,32 +111,6 @@ _MOVING = chi_square_gate(0.05, 6)
 # No body's count of resets, so that the next pose is taken to have another constant error.
 _ANEW = -1
 EMPTY_GRAPH = JointGraphState(pairs={}, bodies={}, past={}, unseen={}, ticks=0)
-
-
-class PairFilters(NamedTuple):
-    """The joint filters of all pairs.
-
-    Attributes:
-        seen: Of what the eye follows.
-        held: Of what the hand alone follows, or holds on another body.
-    """
-
-    seen: JointFilters
-    held: JointFilters
-
-    def of(self, parent_id: int, body: BodyMotion) -> JointFilters:
-        """Those that expect the errors which the poses of a pair with this child have.
-
-        On a parent that moves, too, the errors of both add up.
-        """
-        by_eye = not isinstance(body, HeldBody) or body.seen is not None
-        return self.seen if by_eye and parent_id == STATIC_BODY else self.held
-
-
-def pair_filters(config: KinematicModelConfig, owner: str) -> PairFilters:
-    """The filters of a configuration; `owner` is named in errors about it."""
-    held = replace(config.filters, errors=config.held_errors)
-    return PairFilters(seen=JointFilters(config.filters, owner), held=JointFilters(held, owner))
 
 
 def body_fault(body: BodyMotion) -> SkipReason | None:
@@ -355,7 +326,7 @@ def _update_pair(
 def update_graph(
     graph: JointGraphState,
     bodies: dict[int, BodyMotion],
-    filters: PairFilters,
+    filters: JointFilters,
     config: KinematicModelConfig,
     faults: Mapping[int, SkipReason] | None = None,
 ) -> JointGraphState:
@@ -384,8 +355,7 @@ def update_graph(
     for pair in sorted({*possible, *graph.pairs}):
         measured = present if pair[0] == graph.seen.body_id else described
         if pair in scheduled and pair[1] in measured:
-            of_pair = filters.of(pair[0], measured[pair[1]])
-            state = _update_pair(pair, graph, measured, of_pair, config)
+            state = _update_pair(pair, graph, measured, filters, config)
         else:
             state = graph.pairs.get(pair)
             is_followed = set(pair) <= {STATIC_BODY, *followed, *resting}

@@ -11,6 +11,7 @@ from crossmodal.systems.kinematics.calibration_errors import (
     SensorCalibration,
     with_calibration,
 )
+from crossmodal.systems.kinematics.joint_filters import JointFilters
 from crossmodal.systems.kinematics.joint_graph import (
     EMPTY_GRAPH,
     JointGraphState,
@@ -18,7 +19,6 @@ from crossmodal.systems.kinematics.joint_graph import (
     grasp_configuration,
     is_felt_alone,
     merge_bodies,
-    pair_filters,
     predict_bodies,
     update_graph,
 )
@@ -89,10 +89,10 @@ class KinematicModel(RecursiveFilter):
             raise ValueError(f"KinematicModel: inputs = {inputs!r}, need >= 1")
         self._config = config
         self._camera, self._arm = camera, arm
-        self._filters = pair_filters(config, owner="KinematicModel")
+        self._filters = JointFilters(config.filters, owner="KinematicModel")
         names = ["body_motions"] + [f"body_motions_{i}" for i in range(1, inputs)]
         self._bodies = [self._declare_value_input(name, BodyMotions()) for name in names]
-        predict = partial(predict_bodies, filters=self._filters.seen, config=config)
+        predict = partial(predict_bodies, filters=self._filters, config=config)
         self._declare_recursion(EMPTY_GRAPH, self._calc_graph, config.period)
         self._declare_estimated("joints_estimated", self._beliefs)
         self._declare_latest("joints_latest", self._reported)
@@ -110,7 +110,7 @@ class KinematicModel(RecursiveFilter):
 
     def _beliefs(self, graph: JointGraphState) -> JointBeliefs:
         now = graph.ticks * self._config.period
-        filters, joints = self._filters.seen, []
+        filters, joints = self._filters, []
         for pair, state in graph.pairs.items():
             joint = filters.belief(state, now)
             for joint_type in MOVING_TYPES:

@@ -25,10 +25,6 @@ class MeasurementErrorsConfig:
 
     Attributes:
         correlation_time: tau of each measurement's error as a whole; zero for white noise.
-        correlated_rotation: sigma of an error that is added to the measurement's own, as from a
-            biased calibration.
-        correlated_translation: The same in translation.
-        correlated_time: tau of the added error.
         wander: Probability that rotations err smoothly by degrees without reporting it, as those of
             fiducials and of trackers of models do; what the poses show decides. Only where no other
             error is correlated.
@@ -37,20 +33,13 @@ class MeasurementErrorsConfig:
     """
 
     correlation_time: float = number(0.0, at_least=0.0, at_most=1e5, unit="s")
-    correlated_rotation: float = number(0.0, at_least=0.0, at_most=10.0, unit="rad")
-    correlated_translation: float = number(0.0, at_least=0.0, at_most=10.0, unit="m")
-    correlated_time: float = number(1.0, at_least=1e-3, at_most=1e5, unit="s")
     wander: float = number(0.5, at_least=0.0, at_most=0.99)
     declared_time: float = number(0.0, at_least=0.0, at_most=1e5, unit="s")
 
 
-def _adds_error(config: MeasurementErrorsConfig) -> bool:
-    return config.correlated_rotation > 0.0 or config.correlated_translation > 0.0
-
-
 def is_correlated(config: MeasurementErrorsConfig) -> bool:
     """Whether any error is other than white."""
-    return config.correlation_time > 0.0 or _adds_error(config) or config.declared_time > 0.0
+    return config.correlation_time > 0.0 or config.declared_time > 0.0
 
 
 def _own_equivalent(covariance: Array, dt: float, config: MeasurementErrorsConfig) -> Array:
@@ -77,9 +66,6 @@ def white_equivalent(
     R = _own_equivalent(covariance, dt, config)
     if dt <= 0.0:
         return R
-    if _adds_error(config):
-        added = np.repeat([config.correlated_rotation**2, config.correlated_translation**2], 3)
-        R = R + np.diag(added) * max(1.0, 2.0 * config.correlated_time / dt)
     return R + correlated * max(0.0, 2.0 * config.declared_time / dt - 1.0)
 
 
@@ -103,10 +89,9 @@ def error_shares(
 
     own = share(_own_equivalent(covariance, dt, config))
     r = np.exp(-dt / config.correlation_time) if config.correlation_time > 0.0 else 0.0
-    tau = max(config.correlated_time if _adds_error(config) else 0.0, config.declared_time)
-    rest = (1.0 - own) * min(1.0, 0.5 * dt / tau) if tau > 0.0 else 0.0
-    white = own
-    if config.declared_time > 0.0:
+    white, rest, tau = own, 0.0, config.declared_time
+    if tau > 0.0:
+        rest = (1.0 - own) * min(1.0, 0.5 * dt / tau)
         white = max(own - share(correlated), _LEAST_WHITE * own)
     of_white, of_correlated = correlated_shares(r)
     return white * of_white, own * of_correlated + rest

@@ -197,12 +197,12 @@ class HeldBodyMotion(RecursiveFilter):
     turns the path by its rotation and otherwise cancels. N is that of a grasp that has not failed,
     unless a failure is likelier than not and the body is seen, which then stays where it was.
     Without vision the prediction is the belief. Once the grasp is believed to have failed and the
-    body is not seen, where it would be is no measurement any more (`BodyMotion.is_seen`), although the
-    prior still says where the eye would find it, and from
-    `GraspFailureConfig.certain` on nothing is held, until the hand opens and closes again. With
-    `corrected_by_vision`, the features that rigid-body motion has assigned to the body are
-    registered to their positions in it and correct pose and constants; whenever there are too few
-    of them (darkness), the prediction goes on from the last posterior.
+    body is not seen, where it would be is no measurement any more (`BodyMotion.is_seen`), although
+    the prior still says where to look for it; from `GraspFailureConfig.certain` on nothing is held,
+    until the hand opens and closes again. With `corrected_by_vision`, the features that rigid-body
+    motion has assigned to the body are registered to their positions in it and correct pose and
+    constants; whenever there are too few of them (darkness), the prediction goes on from the last
+    posterior.
 
     B has the world's axes and sits at Ho at the reference, the first tick of the interaction at
     which the encoders say where the hand is. The

@@ -152,9 +152,12 @@ def test_the_configuration_never_reports_less_than_a_correlated_error(
     joint: JointType,
 ) -> None:
     scene = Scene(joint=joint, radius=0.0, motion=at_rest, translation=1e-4, rotation=1e-2)
-    config = _correlated(correlated_rotation=0.01, correlated_translation=0.01, correlated_time=2.0)
-    filters, states = filter_states(scene, simulate(scene, 0), config)
-    m = filters.belief(states[-1]).models[joint]
+    run, filters = simulate(scene, 0), JointFilters(_correlated(declared_time=2.0))
+    lasting = 0.01**2 * np.eye(6)
+    state = filters.start(run.measured[0], scene.covariance, float(run.times[0]))
+    for X, t in zip(run.measured[1:], run.times[1:], strict=True):
+        state = filters.update(state, X, scene.covariance + lasting, float(t), lasting)
+    m = filters.belief(state).models[joint]
     assert np.sqrt(m.configuration_covariance[0, 0]) > 0.0095
 
 
@@ -330,7 +333,7 @@ def test_correlated_errors_count_as_much_as_their_average_is_worth() -> None:
         ("axis_distance", float("nan"), "m"),
         ("type_priors.rigid", 0.0, "> 0"),
         ("errors.correlation_time", -1.0, "s"),
-        ("errors.correlated_translation", float("inf"), "m"),
+        ("errors.declared_time", float("inf"), "s"),
         ("process_noise", [], "m^2/s^3"),
         ("process_noise", [1e-5, 0.0], "m^2/s^3"),
         ("memory", 11, "keyframes"),

@@ -85,10 +85,8 @@ def test_a_body_that_is_seen_when_it_moves_already_is_as_far_as_it_was_carried(
     joint: JointType,
 ) -> None:
     """The hand carries it for 0.9 s; its error of 2 mm stays when features are back."""
-    errors = MeasurementErrorsConfig(
-        correlated_rotation=3e-3, correlated_translation=3e-4, declared_time=5.0
-    )
-    model = KinematicModel(KinematicModelConfig(held_errors=errors))
+    filters = JointFiltersConfig(errors=MeasurementErrorsConfig(declared_time=5.0))
+    model = KinematicModel(KinematicModelConfig(filters=filters))
     driver, lit = Driver(model), 14
     X_WA = np.eye(4)
     X_WA[:3, 3] = [0.5, 0.35, 0.0]  # The hinge, beside the handle.

@@ -10,7 +10,6 @@ from numpy.testing import assert_allclose
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
 from crossmodal.systems.kinematics.joint_filters import JointFilters, JointFiltersConfig
-from crossmodal.systems.kinematics.joint_graph import pair_filters
 from crossmodal.systems.kinematics.kinematic_model import KinematicModel, KinematicModelConfig
 from crossmodal.systems.kinematics.measurement_errors import MeasurementErrorsConfig
 from crossmodal.systems.port_values import (
@@ -35,10 +34,8 @@ _CLOSE_BY, _FAR = np.array([1.0, 0.1, 0.5]), np.array([1.6, 0.1, 0.5])
 
 def _model() -> KinematicModel:
     """With errors that are not white, as those of landmarks are."""
-    errors = MeasurementErrorsConfig(
-        correlated_rotation=3e-3, correlated_translation=3e-4, declared_time=5.0
-    )
-    return KinematicModel(KinematicModelConfig(held_errors=errors))
+    filters = JointFiltersConfig(errors=MeasurementErrorsConfig(declared_time=5.0))
+    return KinematicModel(KinematicModelConfig(filters=filters))
 
 
 def _moved(joint: JointType, way: float) -> Array:
@@ -124,17 +121,6 @@ def test_a_seen_body_that_was_forgotten_while_the_held_one_was_doubted() -> None
     driver.set(_held(joint, _CLOSED + 60, is_seen=True))
     driver.tick()
     assert [j.child_id for j in driver.joints().joints] == [HELD_BODY]
-
-
-def test_the_errors_are_those_of_who_follows_the_body() -> None:
-    filters = pair_filters(KinematicModelConfig(), "test")
-    by_eye = _seen(JointType.PRISMATIC, 1)
-    sighted = _held(JointType.PRISMATIC, _CLOSED, is_seen=True)
-    in_the_dark = _held(JointType.PRISMATIC, _CLOSED)
-    assert filters.of(STATIC_BODY, by_eye) is filters.seen
-    assert filters.of(STATIC_BODY, sighted) is filters.seen
-    assert filters.of(STATIC_BODY, in_the_dark) is filters.held
-    assert filters.of(_SEEN, sighted) is filters.held
 
 
 @pytest.mark.parametrize("are_known", [True, False])

@@ -80,8 +80,7 @@ class BodyMotion:
             where that is not known.
         reset_count: How many times the body was lost from sight and got new landmarks where it was
             believed to be; from then on, the pose's error has a part that is constant in B.
-        offset_covariance: (6, 6), in B, of what is constant in the pose's error: of that part, and
-            of what the held body's landmarks have in common. Included in the motion's covariance.
+        offset_covariance: (6, 6), in B, of that part. Included in the motion's covariance.
         reference_offset_covariance: (6, 6), in B, of the reference's own error since then; not
             included.
         is_seen: Whether it was measured at this tick, by the eye or by the hand that holds it; else

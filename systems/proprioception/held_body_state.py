@@ -131,5 +131,5 @@ class BodyState(Immutable):
         hand's errors change slowly, and what was wrong when features were seen last stays so.
         """
         b = Layout(self.hand.bias_jacobian.shape[1]).b
-        of_pose = self.P[:6, b] @ self.P[b, :6] if is_seen else self.P[:6, :6]
-        return symmetric(of_pose) + (1.0 - self.settled) ** 2 * self.reference_error
+        of_pose = symmetric(self.P[:6, b] @ self.P[b, :6]) if is_seen else self.P[:6, :6]
+        return of_pose + (1.0 - self.settled) ** 2 * self.reference_error

@@ -67,7 +67,8 @@ class BodyFilter(Immutable):
         """Covariance (6, 6), in B, of what the pose's error shares with those of the landmarks."""
         if not len(self.ids):
             return np.zeros((6, 6))
-        square_root = scipy.linalg.cholesky(self.P[_MOTION:, _MOTION:], lower=True)
+        of_landmarks = self.P[_MOTION:, _MOTION:] + _EXACT * np.eye(3 * len(self.ids))
+        square_root = scipy.linalg.cholesky(of_landmarks, lower=True)
         shared = scipy.linalg.solve_triangular(square_root, self.P[_MOTION:, _POSE], lower=True)
         return np.asarray(shared.T @ shared)
 

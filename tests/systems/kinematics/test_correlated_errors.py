@@ -127,7 +127,7 @@ def test_a_constant_error_leaves_what_is_known_of_axis_and_type(joint: JointType
 @pytest.mark.parametrize("joint", [PRISMATIC, REVOLUTE])
 def test_what_is_seen_late_is_as_wrong_as_it_says(joint: JointType) -> None:
     inside, errors = [], []
-    for seed in range(40):
+    for seed in range(20):
         filters, states, run, half = _seen_late(joint, seed)
         model = filters.belief(states[-1]).models[joint]
         error = model.configuration[:1] - run.q[-1]

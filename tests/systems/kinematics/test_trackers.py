@@ -160,7 +160,7 @@ def _slide_then_turn(times: Array, rng: np.random.Generator) -> Array:
     return np.array(poses)
 
 
-@pytest.mark.parametrize("noise", [1e-3, 3e-3, 5e-3])
+@pytest.mark.parametrize("noise", [1e-3, 5e-3])
 def test_a_joint_that_becomes_another_is_not_reported(noise: float) -> None:
     scale = np.repeat([np.deg2rad(noise / 3e-3), noise], 3)
     times = np.arange(241) / 15.0

@@ -149,8 +149,9 @@ def test_a_motion_is_fitted_as_exactly_as_it_says_beside_a_third_of_outliers() -
     assert low < np.sum(values) < 1.3 * high  # Of weights that are not one, a little more.
 
 
-@pytest.mark.parametrize("degrees", [0.3, 1.0, 2.0])
-@pytest.mark.parametrize("when", [20, 60])  # Before the drawer moves, and while it does.
+@pytest.mark.parametrize(  # Before the drawer moves, and while it does.
+    ("when", "degrees"), [(20, 0.3), (20, 1.0), (60, 0.3), (60, 2.0)]
+)
 def test_a_knock_is_told_at_once_and_measured_as_well_as_is_said(
     watch: Callable, when: int, degrees: float
 ) -> None:
@@ -181,7 +182,7 @@ def test_what_moves_is_followed_across_a_knock(watch: Callable, when: int) -> No
     np.testing.assert_allclose(moved, [-scene.opening(109), 0.0, 0.0], atol=1e-3)
 
 
-@pytest.mark.parametrize(("room", "front"), [(80, 40), (20, 100), (4, 116), (0, 120)])
+@pytest.mark.parametrize(("room", "front"), [(80, 40), (20, 100), (0, 120)])
 def test_what_moves_is_no_knock_even_where_it_fills_the_view(
     watch: Callable, room: int, front: int
 ) -> None:

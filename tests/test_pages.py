@@ -18,7 +18,8 @@ from crossmodal.diagrams.applications import experiments, find_scenario, load_sc
 from crossmodal.diagrams.command_line import app
 from crossmodal.diagrams.crossmodal.studies.ablations import ABLATIONS
 from crossmodal.diagrams.evaluation.seeds import parse_seeds
-from crossmodal.diagrams.run.episode import build_station, output_ports
+from crossmodal.diagrams.run.build import build_station
+from crossmodal.diagrams.run.wiring import output_ports
 from crossmodal.systems.port_values import JointType
 
 ROOT = Path(__file__).parents[1]

@@ -44,9 +44,9 @@ from crossmodal.diagrams.drawing.meshcat import (
     upright_pose,
 )
 from crossmodal.diagrams.drawing.text_board import text_board
-from crossmodal.diagrams.run.episode import connect_latest
 from crossmodal.diagrams.run.record import TaskStatus
 from crossmodal.diagrams.run.recorder import STATUS_PORT, declare_input, read_inputs
+from crossmodal.diagrams.run.wiring import connect_latest
 from crossmodal.maths.arrays import Array, Ids
 from crossmodal.maths.gaussian import chi_square_gate
 from crossmodal.systems.active.view_planner import NO_GRID

@@ -39,7 +39,7 @@ def diagram_command(
 
         from crossmodal.diagrams.applications import load_scenario
         from crossmodal.diagrams.drawing.diagram_drawing import diagram_dot, render_svg
-        from crossmodal.diagrams.run.episode import build_estimators
+        from crossmodal.diagrams.run.build import build_estimators
         from crossmodal.diagrams.run.folder.written_files import write_text
         from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, suggestion
 

@@ -51,9 +51,9 @@ from crossmodal.diagrams.joints.joint_truth import (
     add_tick,
     truth_of_ticks,
 )
-from crossmodal.diagrams.run.episode import connect_latest
 from crossmodal.diagrams.run.record import Tick
 from crossmodal.diagrams.run.recorder import declare_input, read_inputs
+from crossmodal.diagrams.run.wiring import connect_latest
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.vectors import normal_basis

@@ -28,8 +28,8 @@ from crossmodal.diagrams.drawing.meshcat import (
 from crossmodal.diagrams.flap.estimator_names import COLORS, LABELS
 from crossmodal.diagrams.flap.scenario import Scenario
 from crossmodal.diagrams.flap.truth import UNKNOWN_FLAP, FlapTruth
-from crossmodal.diagrams.run.episode import connect_latest
 from crossmodal.diagrams.run.recorder import declare_input, read_inputs
+from crossmodal.diagrams.run.wiring import connect_latest
 from crossmodal.maths.arrays import Array
 from crossmodal.systems.port_values import (
     UNKNOWN_FINGERTIP,

@@ -1,35 +1,34 @@
 """One episode: a scenario with its seed, simulated to the end."""
 
 import time
-import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from dataclasses import replace
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from pydrake.geometry import Meshcat, MeshcatVisualizer, MeshcatVisualizerParams
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, PortDataType, System
+from pydrake.systems.framework import Diagram, DiagramBuilder, PortDataType
 
 from crossmodal.diagrams.drawing.layers import Layers
-from crossmodal.diagrams.run.application import SCENE_PORT, Application, Station
-from crossmodal.diagrams.run.calibration import Calibration
-from crossmodal.diagrams.run.folder.fingerprint import contents
+from crossmodal.diagrams.run.application import SCENE_PORT, Application
+from crossmodal.diagrams.run.build import build_estimators, build_station, building
 from crossmodal.diagrams.run.own_code import place_of, told, traceback_of
 from crossmodal.diagrams.run.process import peak_memory
-from crossmodal.diagrams.run.record import EpisodeRecord, Event, Quantity, TaskStatus
-from crossmodal.diagrams.run.recorder import (
-    STATUS_PORT,
-    EpisodeRecorder,
-    TickStopwatch,
-)
+from crossmodal.diagrams.run.record import EpisodeRecord, Event
+from crossmodal.diagrams.run.recorder import EpisodeRecorder
 from crossmodal.diagrams.run.scenario import Scenario
-from crossmodal.diagrams.run.sensor_streams.log import SensorLogWriter, SensorRecorder, make_streams
-from crossmodal.diagrams.run.sensor_streams.stream_faults import add_stream_faults, model_of
+from crossmodal.diagrams.run.sensor_streams.log import SensorLogWriter
+from crossmodal.diagrams.run.sensor_streams.stream_faults import add_stream_faults
 from crossmodal.diagrams.run.ticks import advance_by_ticks
-from crossmodal.diagrams.run.variants import check_variants, with_variants
-from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line, suggestion
+from crossmodal.diagrams.run.wiring import (
+    add_estimator,
+    add_sensor_recorder,
+    add_stream,
+    check_station,
+    connect_recorder,
+    recorded_quantities,
+)
+from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 from crossmodal.maths.compiled import compilation_timed
 from crossmodal.systems.compile_ahead import compile_ahead
 
@@ -39,102 +38,6 @@ if TYPE_CHECKING:
     from crossmodal.diagrams.run.live.session import LiveSession
     from crossmodal.diagrams.run.stream.sinks import Sink
     from crossmodal.diagrams.run.video import VideoWriter
-
-
-class StationWarning(UserWarning):
-    """What a user should know of a station before it runs."""
-
-
-@contextmanager
-def building(source: str) -> Iterator[None]:
-    """Turns what systems and models refuse while a Diagram is built into a ScenarioError.
-
-    Args:
-        source: The scenario's name or file.
-    """
-    try:
-        yield
-    except (ValueError, RuntimeError, OSError, SystemExit) as error:
-        # By a SystemExit with words Drake's demands fail, which values from files should not meet.
-        if isinstance(error, SystemExit) and not isinstance(error.code, str):
-            raise
-        place = f"{place_of(error)}: " if place_of(error) else ""
-        raise ScenarioError(f"{source}: {place}{one_line(error)}") from error
-
-
-def build_estimators(
-    application: Application, scenario: Scenario, calibration: Calibration | None = None
-) -> Mapping[str, System]:
-    """The estimators of a scenario, by name.
-
-    Raises:
-        ScenarioError: where a value of the scenario is impossible.
-    """
-    with building(scenario.name):
-        calibration = calibration or application.make_calibration(scenario)
-        estimators = application.make_estimators(scenario, calibration)
-    originals = [name for name in estimators if name not in scenario.variants]
-    check_variants(scenario.variants, originals, scenario.name)
-    names = with_variants(scenario.modalities or list(estimators), scenario.variants)
-    for name in names:
-        if name in scenario.variants and name not in estimators:
-            raise ScenarioError(
-                f"{scenario.name}: variants.{name}: the application '{application.name}' has no"
-                " filters that can be replaced: its make_estimators makes no such estimator"
-            )
-        if name not in estimators:
-            raise ScenarioError(
-                f"{scenario.name}: modalities: unknown modality '{name}';"
-                f" {suggestion(name, estimators)}"
-            )
-    return {name: estimators[name] for name in names}
-
-
-def recorded_quantities(
-    application: Application, scenario: Scenario, estimators: Mapping[str, System]
-) -> list[Quantity]:
-    """The quantities that are recorded, each with the estimators of which it is.
-
-    One that some estimators have is also recorded of those under other names that have its port.
-
-    Raises:
-        ScenarioError: where an estimator lacks a port, with those that it has.
-    """
-    quantities = application.quantities(scenario)
-    known = {name for quantity in quantities for name in quantity.estimators}
-    found = []
-    for quantity in quantities:
-        having = []
-        for name, estimator in estimators.items():
-            must = not quantity.estimators or name in quantity.estimators
-            if must or (name not in known and estimator.HasOutputPort(quantity.port)):
-                having.append(name)
-            if must and not estimator.HasOutputPort(quantity.port):
-                there = [port.get_name() for port in output_ports(estimator)]
-                raise ScenarioError(
-                    f"estimator '{name}': has no output '{quantity.port}', which `quantities` of"
-                    f" the application '{application.name}' names;"
-                    f" {suggestion(quantity.port, there)}"
-                )
-        if having:
-            found.append(replace(quantity, estimators=having))
-    return found
-
-
-def build_station(
-    application: Application, scenario: Scenario, calibration: Calibration | None = None
-) -> Station:
-    """The plant, sensors and controllers of one episode.
-
-    Raises:
-        ScenarioError: where a value of the scenario is impossible.
-    """
-    with building(scenario.name):
-        calibration = calibration or application.make_calibration(scenario)
-        station = application.make_station(scenario, calibration)
-    for line in station.warnings:
-        warnings.warn(f"{scenario.name}: {line}", StationWarning, stacklevel=2)
-    return station
 
 
 class Episode:
@@ -188,14 +91,14 @@ class Episode:
         silenced = [control.port for control in controls if control.silences]
         heard = add_stream_faults(builder, station, faults, period, scenario.seed, silenced)
         self._stopwatches = {
-            name: _add_estimator(builder, station, heard, name, estimator, period)
+            name: add_estimator(builder, station, heard, name, estimator, period)
             for name, estimator in self.estimators.items()
         }
         application.close_loop(builder, scenario, station, self.estimators)
         quantities = recorded_quantities(application, scenario, self.estimators)
         station_quantities = application.station_quantities(scenario)
         pictures = application.pictures(scenario)
-        _check_station(application, station, station_quantities, pictures)
+        check_station(application, station, station_quantities, pictures)
         self.recorder = builder.AddNamedSystem(
             "recorder",
             EpisodeRecorder(
@@ -205,7 +108,7 @@ class Episode:
         connect_recorder(builder, station, self.estimators, self.recorder)
         self._sensor_log: SensorLogWriter | None = None
         if sensors_file is not None:
-            self._sensor_log = _add_sensor_recorder(
+            self._sensor_log = add_sensor_recorder(
                 builder,
                 application,
                 scenario,
@@ -383,188 +286,6 @@ class Episode:
                 session.between_ticks()
 
         return between
-
-
-def output_ports(system: System) -> list[OutputPort]:
-    """All of a system's."""
-    return [system.get_output_port(index) for index in range(system.num_output_ports())]
-
-
-def _check_station(
-    application: Application,
-    station: System,
-    quantities: Sequence[Quantity],
-    pictures: Sequence[str],
-) -> None:
-    """Refuses a port that is to be recorded and that the station does not have."""
-    asked = [(quantity.port, "station_quantities") for quantity in quantities]
-    for name, field in [*asked, *((port, "pictures") for port in pictures)]:
-        if not station.HasOutputPort(name):
-            there = [port.get_name() for port in output_ports(station)]
-            raise ScenarioError(
-                f"the station has no output '{name}', which `{field}` of the application"
-                f" '{application.name}' names; {suggestion(name, there)}"
-            )
-
-
-def refuse_truth(name: str, estimator: System) -> None:
-    """Refuses an estimator that reads the truth.
-
-    Raises:
-        ScenarioError: naming estimator and port.
-    """
-    for index in range(estimator.num_input_ports()):
-        port = estimator.get_input_port(index).get_name()
-        if port.startswith("cheat_"):
-            raise ScenarioError(f"estimator '{name}' reads '{port}': the truth is not for it")
-
-
-def check_inputs(name: str, estimator: System, source: System, what: str) -> None:
-    """Refuses an estimator that reads the truth, or what nobody gives.
-
-    Args:
-        what: The source in words.
-
-    Raises:
-        ScenarioError: naming estimator, port, and the ports that there are.
-    """
-    refuse_truth(name, estimator)
-    there = [port.get_name() for port in output_ports(source)]
-    there = [port for port in there if not port.startswith("cheat_")]
-    for index in range(estimator.num_input_ports()):
-        port = estimator.get_input_port(index).get_name()
-        if port not in there:
-            raise ScenarioError(
-                f"estimator '{name}' reads '{port}', which {what} does not have;"
-                f" {suggestion(port, there)}"
-            )
-
-
-def _add_estimator(
-    builder: DiagramBuilder,
-    station: System,
-    heard: Callable[[str], OutputPort],
-    name: str,
-    estimator: System,
-    period: float,
-) -> tuple[TickStopwatch, TickStopwatch]:
-    """Adds an estimator between two stopwatches, for Drake updates in the order of adding."""
-    check_inputs(name, estimator, station, "the station")
-    inputs = [estimator.get_input_port(index) for index in range(estimator.num_input_ports())]
-    images = [port for port in inputs if port.get_data_type() == PortDataType.kAbstractValued]
-    start, stop = TickStopwatch(period, [port.Allocate() for port in images]), TickStopwatch(period)
-    builder.AddNamedSystem(f"{name}_start", start)
-    builder.AddNamedSystem(name, estimator)
-    builder.AddNamedSystem(f"{name}_stop", stop)
-    for index, port in enumerate(images):
-        builder.Connect(heard(port.get_name()), start.get_input_port(index))
-    for port in inputs:
-        builder.Connect(heard(port.get_name()), port)
-    return start, stop
-
-
-def connect_recorder(
-    builder: DiagramBuilder,
-    station: System,
-    estimators: Mapping[str, System],
-    recorder: System,
-) -> None:
-    """Connects what station and estimators have of the recorder's ports."""
-    for index in range(recorder.num_input_ports()):
-        port = recorder.get_input_port(index)
-        name = port.get_name()
-        if station.HasOutputPort(name):
-            builder.Connect(station.GetOutputPort(name), port)
-    connect_latest(builder, estimators, recorder)
-
-
-def add_stream(
-    builder: DiagramBuilder,
-    sink: "Sink",
-    application: Application,
-    scenario: Scenario,
-    calibration: Calibration,
-    station: System,
-    estimators: Mapping[str, System],
-    models: Mapping[str, Any],
-    start: int = 0,
-) -> None:
-    """Adds what sends images and estimates to a viewer.
-
-    Args:
-        sink: Takes the messages.
-        station: What gives the images: the station, or a recording.
-        models: Values like those of its ports.
-        start: What is added to the time since the start in all stamps, [ns].
-    """
-    from crossmodal.diagrams.run.stream.estimate_stream import EstimateStream
-
-    quantities = recorded_quantities(application, scenario, estimators)
-    system = EstimateStream(
-        sink, application, scenario, calibration, quantities, list(estimators), models, start
-    )
-    builder.AddNamedSystem("stream", system)
-    connect_recorder(builder, station, estimators, system)
-
-
-def connect_latest(
-    builder: DiagramBuilder, estimators: Mapping[str, System], reader: System
-) -> None:
-    """Connects a reader's ports `<estimator>_<port>` with the estimators that have that port.
-
-    Raises:
-        ScenarioError: for a port that is not from the state alone.
-    """
-    for name, estimator in estimators.items():
-        for index in range(estimator.num_output_ports()):
-            port = estimator.get_output_port(index)
-            if reader.HasInputPort(f"{name}_{port.get_name()}"):
-                if estimator.HasDirectFeedthrough(index):
-                    raise ScenarioError(
-                        f"estimator '{name}': its port '{port.get_name()}' depends on what the"
-                        " sensors give at the instant at which it is read, which is between two"
-                        " ticks; record one that is from the state alone (`_declare_latest`)"
-                    )
-                builder.Connect(port, reader.GetInputPort(f"{name}_{port.get_name()}"))
-
-
-def stream_models(
-    estimators: Mapping[str, System], station_quantities: Sequence[Quantity]
-) -> dict[str, Any]:
-    """Values like those of all ports that a recording holds: what the estimators read, what the
-    robot says it does, and the truth."""
-    models: dict[str, Any] = {}
-    for estimator in estimators.values():
-        for index in range(estimator.num_input_ports()):
-            port = estimator.get_input_port(index)
-            models[port.get_name()] = model_of(port)
-    models |= {quantity.port: quantity.model for quantity in station_quantities}
-    return models | {STATUS_PORT: TaskStatus()}
-
-
-def _add_sensor_recorder(
-    builder: DiagramBuilder,
-    application: Application,
-    scenario: Scenario,
-    calibration: Calibration,
-    station: Diagram,
-    estimators: Mapping[str, System],
-    path: Path,
-) -> SensorLogWriter:
-    models = stream_models(estimators, application.station_quantities(scenario))
-    models |= {
-        port: station.GetOutputPort(port).Allocate().get_value()
-        for port in application.pictures(scenario)
-    }
-    known = {port: model for port, model in models.items() if station.HasOutputPort(port)}
-    streams = make_streams(known, application.topics(scenario), calibration)
-    said = contents(application, scenario)
-    recorder = builder.AddNamedSystem(
-        "sensors", SensorRecorder(path, streams, scenario.network_period, said)
-    )
-    for stream in streams:
-        builder.Connect(station.GetOutputPort(stream.port), recorder.GetInputPort(stream.port))
-    return recorder.log
 
 
 def recorded_page(meshcat: Meshcat) -> str:

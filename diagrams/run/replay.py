@@ -14,16 +14,7 @@ from pydrake.systems.framework import DiagramBuilder, System
 from pydrake.systems.sensors import ImageRgba8U
 
 from crossmodal.diagrams.run.application import Application
-from crossmodal.diagrams.run.episode import (
-    add_stream,
-    build_estimators,
-    building,
-    connect_recorder,
-    output_ports,
-    recorded_quantities,
-    refuse_truth,
-    stream_models,
-)
+from crossmodal.diagrams.run.build import build_estimators, building
 from crossmodal.diagrams.run.folder.run_folder import SCENARIO_FILE, SENSORS_FILE
 from crossmodal.diagrams.run.record import EpisodeRecord
 from crossmodal.diagrams.run.recorded_scenario import check_unchanged
@@ -38,6 +29,14 @@ from crossmodal.diagrams.run.sensor_streams.log import (
 )
 from crossmodal.diagrams.run.sensor_streams.stream_faults import add_stream_faults
 from crossmodal.diagrams.run.ticks import advance_by_ticks
+from crossmodal.diagrams.run.wiring import (
+    add_stream,
+    connect_recorder,
+    output_ports,
+    recorded_quantities,
+    refuse_truth,
+    stream_models,
+)
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, suggestion
 from crossmodal.systems.compile_ahead import compile_ahead
 from crossmodal.systems.port_values import StampedImage

@@ -8,7 +8,7 @@ import pytest
 from pydrake.systems.framework import Diagram, InputPort, System
 
 from crossmodal.diagrams.applications import load_scenario
-from crossmodal.diagrams.run.episode import build_estimators, build_station
+from crossmodal.diagrams.run.build import build_estimators, build_station
 from crossmodal.diagrams.run.live.controls import heard_controls
 
 LEAST = 6

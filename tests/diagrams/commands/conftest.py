@@ -46,7 +46,7 @@ def fake_episode(monkeypatch: pytest.MonkeyPatch) -> types.SimpleNamespace:
     ) -> EpisodeRecord:
         import warnings
 
-        from crossmodal.diagrams.run.episode import StationWarning
+        from crossmodal.diagrams.run.build import StationWarning
 
         fake.runs.append((scenario.name, scenario.seed, meshcat is not None))
         if fake.warning:

@@ -46,7 +46,7 @@ def test_bad_input_is_answered_in_one_line_with_status_two(
 ) -> None:
     Path("malformed.yaml").write_text("a: [1\n")
     monkeypatch.setattr(
-        "crossmodal.diagrams.run.episode.build_estimators",
+        "crossmodal.diagrams.run.build.build_estimators",
         lambda application, scenario: dict.fromkeys(scenario.modalities),
     )
     result = RUNNER.invoke(app, arguments)

@@ -17,8 +17,9 @@ from crossmodal.diagrams.crossmodal.modalities import MODALITIES
 from crossmodal.diagrams.crossmodal.scenario import Scenario
 from crossmodal.diagrams.drawing.diagram_drawing import leaf_systems, wires
 from crossmodal.diagrams.run.application import Station
+from crossmodal.diagrams.run.build import build_estimators, build_station
 from crossmodal.diagrams.run.calibration import Calibration
-from crossmodal.diagrams.run.episode import Episode, build_estimators, build_station
+from crossmodal.diagrams.run.episode import Episode
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 from crossmodal.systems.port_values import HELD_BODY, SampleWindow
 from crossmodal.systems.proprioception.grasp_model import initial_grasp

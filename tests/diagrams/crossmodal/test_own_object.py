@@ -29,7 +29,7 @@ from crossmodal.diagrams.crossmodal.station.station import (
     make_manipulation_station,
 )
 from crossmodal.diagrams.evaluation.run_writer import write_run
-from crossmodal.diagrams.run.episode import StationWarning, build_station
+from crossmodal.diagrams.run.build import StationWarning, build_station
 from crossmodal.diagrams.run.folder.fingerprint import fingerprint
 from crossmodal.diagrams.run.folder.run_folder import write_scenario
 from crossmodal.diagrams.run.own_object import OwnObject

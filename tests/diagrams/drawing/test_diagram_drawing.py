@@ -9,7 +9,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem
 from crossmodal.diagrams.applications import load_scenario
 from crossmodal.diagrams.drawing import diagram_drawing
 from crossmodal.diagrams.drawing.diagram_drawing import diagram_dot, render_svg, wires, words
-from crossmodal.diagrams.run.episode import build_estimators
+from crossmodal.diagrams.run.build import build_estimators
 from crossmodal.maths.arrays import Array
 
 

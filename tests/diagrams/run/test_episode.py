@@ -11,7 +11,8 @@ from pydrake.geometry import Box
 from crossmodal.diagrams.applications import RecordedRun, load_recorded, load_scenario, read_run
 from crossmodal.diagrams.crossmodal.application import APPLICATION
 from crossmodal.diagrams.joints.joint_metrics import JointEpisode, joint_episode
-from crossmodal.diagrams.run.episode import build_station, building, run_episode
+from crossmodal.diagrams.run.build import build_station, building
+from crossmodal.diagrams.run.episode import run_episode
 from crossmodal.diagrams.run.folder.run_folder import SCENARIO_FILE
 from crossmodal.diagrams.run.replay import replay
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError

@@ -18,7 +18,7 @@ from crossmodal.diagrams.crossmodal.estimators import CROSSMODAL_CONNECTIONS, ma
 from crossmodal.diagrams.crossmodal.scenario import Scenario
 from crossmodal.diagrams.evaluation.run_writer import summarise, write_run
 from crossmodal.diagrams.joints.joint_metrics import JointEpisode, joint_episode
-from crossmodal.diagrams.run.episode import build_estimators, stream_models
+from crossmodal.diagrams.run.build import build_estimators
 from crossmodal.diagrams.run.folder.run_folder import ESTIMATES_FILE, SENSORS_FILE, SUMMARY_FILE
 from crossmodal.diagrams.run.record import Tick
 from crossmodal.diagrams.run.replay import check_recorded, replay
@@ -29,6 +29,7 @@ from crossmodal.diagrams.run.sensor_streams.log import (
     Stream,
     make_streams,
 )
+from crossmodal.diagrams.run.wiring import stream_models
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 from crossmodal.systems.port_values import HELD_BODY, BodyMotion
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from crossmodal.diagrams.run.episode import building
+from crossmodal.diagrams.run.build import building
 from crossmodal.diagrams.run.scenario import (
     CameraBump,
     CameraConfig,

@@ -16,8 +16,9 @@ from crossmodal.diagrams.applications import OWN, load_scenario
 from crossmodal.diagrams.drawing.diagram_drawing import diagram_dot, render_svg
 from crossmodal.diagrams.evaluation.run_writer import write_run
 from crossmodal.diagrams.run.application import Application
+from crossmodal.diagrams.run.build import build_station
 from crossmodal.diagrams.run.calibration import draw_base, draw_camera
-from crossmodal.diagrams.run.episode import Episode, build_station, run_episode
+from crossmodal.diagrams.run.episode import Episode, run_episode
 from crossmodal.diagrams.run.folder.run_folder import SENSORS_FILE
 from crossmodal.diagrams.run.record import EpisodeRecord
 from crossmodal.diagrams.run.replay import check_recorded, replay

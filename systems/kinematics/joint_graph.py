@@ -236,27 +236,30 @@ def recognised(
     body = bodies[seen.body_id]
     if not body.is_seen or moves_alike(seen, held, body):
         return graph
-    others = {pair: state for pair, state in graph.pairs.items() if pair not in own}
-    others |= {pair: state for pair, state in own.items() if pair in of_seen}
-    past = {child: states for child, states in graph.past.items() if child != HELD_BODY}
-    return replace(graph, pairs=others, past=past, seen=UNSEEN, closed_at={})
+    return replace(_begun_anew(graph), seen=UNSEEN, closed_at={})
 
 
 def _sighted(graph: JointGraphState, held: BodyMotion) -> JointGraphState:
-    """The graph in which the held body's joint begins anew where features tell its motion.
+    """The graph in which the held body's joints begin anew where features tell its motion.
 
     The hand says where the body was when it closed to some millimetres, features that rested until
     then exactly.
     """
     if graph.is_sighted or not isinstance(held, HeldBody) or held.seen is None:
         return graph
-    pairs, pair = dict(graph.pairs), (STATIC_BODY, HELD_BODY)
     if (
         graph.seen.body_id == STATIC_BODY
         and held.reset_count == graph.bodies[HELD_BODY].reset_count
     ):
-        pairs.pop(pair, None)
-    return replace(graph, pairs=pairs, is_sighted=True)
+        graph = _begun_anew(graph)
+    return replace(graph, is_sighted=True)
+
+
+def _begun_anew(graph: JointGraphState) -> JointGraphState:
+    """The graph without joints of the held body."""
+    pairs = {pair: state for pair, state in graph.pairs.items() if pair[1] != HELD_BODY}
+    past = {child: states for child, states in graph.past.items() if child != HELD_BODY}
+    return replace(graph, pairs=pairs, past=past)
 
 
 def _handed_over(graph: JointGraphState, bodies: Mapping[int, BodyMotion]) -> JointGraphState:

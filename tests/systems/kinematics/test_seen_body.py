@@ -207,9 +207,8 @@ def test_a_body_that_does_not_go_with_the_hand_is_another_one() -> None:
     belief = _joint_of_held(driver)
     assert belief.updates < 29
     assert belief.type == JointType.REVOLUTE
-    # That with the nudged one has been followed all along.
     nudged = _joint_of_held(driver, _SEEN)
-    assert nudged.updates == 29
+    assert nudged.updates == belief.updates
     assert all(model.grasp_configuration == 0.0 for model in nudged.models.values())
 
 
@@ -279,23 +278,27 @@ def test_features_tell_at_once_that_a_body_moves_which_the_hand_took_to_rest(res
     """The hand pulls a drawer that sticks, nobody sees it; then it gives way, and features show it.
 
     Where the features were placed in the body by the hand meanwhile, they do not know from where.
+    The same holds beside another body, which rests.
     """
-    driver = Driver(_model())
+    driver, beside = Driver(_model()), replace(_seen(JointType.PRISMATIC, 0), reference_age=10.0)
     for _ in range(40):
-        driver.set(_held(JointType.PRISMATIC, _CLOSED))
+        driver.set(beside, _held(JointType.PRISMATIC, _CLOSED))
         driver.tick()
-    assert _joint_of_held(driver).probabilities[JointType.RIGID] > 0.4
+    for parent in (STATIC_BODY, _SEEN):
+        assert _joint_of_held(driver, parent).probabilities[JointType.RIGID] > 0.4
     for k in range(3, 6):
         sighted = _held(JointType.PRISMATIC, _CLOSED + k, is_seen=True)
-        driver.set(replace(sighted, reset_count=resets, offset_covariance=resets * REFERENCE_ERROR))
+        sighted = replace(sighted, reset_count=resets, offset_covariance=resets * REFERENCE_ERROR)
+        driver.set(beside, sighted)
         driver.tick()
-    found = _joint_of_held(driver)
-    if resets:
-        assert found.probabilities[JointType.RIGID] > 0.4
-        return
-    assert found.probabilities[JointType.RIGID] < 0.05
-    way = _SPEED * 5 * _PERIOD
-    assert_allclose(found.model.configuration[0], way, atol=1.5e-3)
+    for parent, off in ((STATIC_BODY, 1.5e-3), (_SEEN, 3e-3)):  # The latter is seen with noise.
+        found = _joint_of_held(driver, parent)
+        if resets:
+            assert found.probabilities[JointType.RIGID] > 0.4
+            continue
+        assert found.probabilities[JointType.RIGID] < 0.05
+        way = _SPEED * 5 * _PERIOD
+        assert_allclose(found.model.configuration[0], way, atol=off)
 
 
 def test_what_the_hand_had_nudged_before_it_closed_is_no_part_of_the_travel_since_then() -> None:

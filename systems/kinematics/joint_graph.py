@@ -110,6 +110,7 @@ class JointGraphState(Immutable):
 _MOVING = chi_square_gate(0.05, 6)
 # No body's count of resets, so that the next pose is taken to have another constant error.
 _ANEW = -1
+_RESTART = -2  # Nor so that the filters begin again at their reference.
 EMPTY_GRAPH = JointGraphState(pairs={}, bodies={}, past={}, unseen={}, ticks=0)
 
 
@@ -236,7 +237,11 @@ def recognised(
     body = bodies[seen.body_id]
     if not body.is_seen or moves_alike(seen, held, body):
         return graph
-    return replace(_begun_anew(graph), seen=UNSEEN, closed_at={})
+    # Those with what it was taken for have been its own since the hand closed.
+    kept = {pair: state for pair, state in graph.pairs.items() if pair not in own}
+    kept |= {pair: state for pair, state in own.items() if pair in of_seen}
+    past = {child: states for child, states in graph.past.items() if child != HELD_BODY}
+    return _sighted(replace(graph, pairs=kept, past=past, seen=UNSEEN, closed_at={}), held)
 
 
 def _sighted(graph: JointGraphState, held: BodyMotion) -> JointGraphState:
@@ -247,19 +252,14 @@ def _sighted(graph: JointGraphState, held: BodyMotion) -> JointGraphState:
     """
     if graph.is_sighted or not isinstance(held, HeldBody) or held.seen is None:
         return graph
+    pairs = graph.pairs
     if (
         graph.seen.body_id == STATIC_BODY
         and held.reset_count == graph.bodies[HELD_BODY].reset_count
     ):
-        graph = _begun_anew(graph)
-    return replace(graph, is_sighted=True)
-
-
-def _begun_anew(graph: JointGraphState) -> JointGraphState:
-    """The graph without joints of the held body."""
-    pairs = {pair: state for pair, state in graph.pairs.items() if pair[1] != HELD_BODY}
-    past = {child: states for child, states in graph.past.items() if child != HELD_BODY}
-    return replace(graph, pairs=pairs, past=past)
+        own = {pair: state for pair, state in pairs.items() if pair[1] == HELD_BODY}
+        pairs = pairs | {pair: replace(state, reset_count=_RESTART) for pair, state in own.items()}
+    return replace(graph, pairs=pairs, is_sighted=True)
 
 
 def _handed_over(graph: JointGraphState, bodies: Mapping[int, BodyMotion]) -> JointGraphState:
@@ -320,6 +320,8 @@ def _update_pair(
             return replace(state, reset_count=reset_count, offset=offset)
         age = body.reference_age if body.reference_age > 0.0 else config.reference_age
         state = filters.start(X_PB_reference, pose.covariance, time - age, *pair, correlated)
+    elif state.reset_count == _RESTART:
+        state = filters.start(state.X_PF, pose.covariance, state.zero_time, *pair, correlated)
     elif reset_count != state.reset_count:
         state = filters.rebase(state, time, offset, of_reference + correlated)
     state = replace(state, reset_count=reset_count, offset=offset)

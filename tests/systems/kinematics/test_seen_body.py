@@ -207,6 +207,7 @@ def test_a_body_that_does_not_go_with_the_hand_is_another_one() -> None:
     belief = _joint_of_held(driver)
     assert belief.updates < 29
     assert belief.type == JointType.REVOLUTE
+    # That with the nudged one has been followed since features have shown that they differ.
     nudged = _joint_of_held(driver, _SEEN)
     assert nudged.updates == belief.updates
     assert all(model.grasp_configuration == 0.0 for model in nudged.models.values())
@@ -286,7 +287,7 @@ def test_features_tell_at_once_that_a_body_moves_which_the_hand_took_to_rest(res
         driver.tick()
     for parent in (STATIC_BODY, _SEEN):
         assert _joint_of_held(driver, parent).probabilities[JointType.RIGID] > 0.4
-    for k in range(3, 6):
+    for k in range(3, 9):
         sighted = _held(JointType.PRISMATIC, _CLOSED + k, is_seen=True)
         sighted = replace(sighted, reset_count=resets, offset_covariance=resets * REFERENCE_ERROR)
         driver.set(beside, sighted)
@@ -297,7 +298,7 @@ def test_features_tell_at_once_that_a_body_moves_which_the_hand_took_to_rest(res
             assert found.probabilities[JointType.RIGID] > 0.4
             continue
         assert found.probabilities[JointType.RIGID] < 0.05
-        way = _SPEED * 5 * _PERIOD
+        way = _SPEED * 8 * _PERIOD
         assert_allclose(found.model.configuration[0], way, atol=off)
 
 

@@ -241,7 +241,7 @@ def recognised(
     kept = {pair: state for pair, state in graph.pairs.items() if pair not in own}
     kept |= {pair: state for pair, state in own.items() if pair in of_seen}
     past = {child: states for child, states in graph.past.items() if child != HELD_BODY}
-    return _sighted(replace(graph, pairs=kept, past=past, seen=UNSEEN, closed_at={}), held)
+    return replace(graph, pairs=kept, past=past, seen=UNSEEN, closed_at={})
 
 
 def _sighted(graph: JointGraphState, held: BodyMotion) -> JointGraphState:
@@ -257,8 +257,11 @@ def _sighted(graph: JointGraphState, held: BodyMotion) -> JointGraphState:
         graph.seen.body_id == STATIC_BODY
         and held.reset_count == graph.bodies[HELD_BODY].reset_count
     ):
-        own = {pair: state for pair, state in pairs.items() if pair[1] == HELD_BODY}
-        pairs = pairs | {pair: replace(state, reset_count=_RESTART) for pair, state in own.items()}
+        pairs = {
+            pair: replace(state, reset_count=_RESTART) if pair[1] == HELD_BODY else state
+            for pair, state in pairs.items()
+            if pair != (STATIC_BODY, HELD_BODY)  # That begins at the body's own reference.
+        }
     return replace(graph, pairs=pairs, is_sighted=True)
 
 

@@ -4,6 +4,7 @@ A source takes the messages of its topics in the order in which they were logged
 at which they were measured, and gives a port's value at a tick from those until then.
 """
 
+from abc import ABC, abstractmethod
 from bisect import insort
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -23,7 +24,7 @@ from crossmodal.systems.recordings.recording import RecordingError
 Timed = tuple[int, Any]  # Instant [ns] since the replay's start, and message.
 
 
-class Source:
+class Source(ABC):
     """The messages of some topics that wait for their tick.
 
     Attributes:
@@ -51,9 +52,9 @@ class Source:
         self._until = now
         return taken
 
+    @abstractmethod
     def value(self, now: int) -> Any:
         """The port's value at a tick [ns]; None before there is one."""
-        raise NotImplementedError
 
 
 class ImageSource(Source):

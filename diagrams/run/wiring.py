@@ -63,7 +63,11 @@ def check_station(
     quantities: Sequence[Quantity],
     pictures: Sequence[str],
 ) -> None:
-    """Refuses a port that is to be recorded and that the station does not have."""
+    """Refuses a port that is to be recorded and that the station does not have.
+
+    Raises:
+        ScenarioError: naming the port, and the one that may be meant.
+    """
     asked = [(quantity.port, "station_quantities") for quantity in quantities]
     for name, field in [*asked, *((port, "pictures") for port in pictures)]:
         if not station.HasOutputPort(name):
@@ -218,6 +222,7 @@ def add_sensor_recorder(
     estimators: Mapping[str, System],
     path: Path,
 ) -> SensorLogWriter:
+    """Adds what writes the estimators' streams, the truth and the pictures to a file."""
     models = stream_models(estimators, application.station_quantities(scenario))
     models |= {
         port: station.GetOutputPort(port).Allocate().get_value()

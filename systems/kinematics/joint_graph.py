@@ -110,7 +110,8 @@ class JointGraphState(Immutable):
 _MOVING = chi_square_gate(0.05, 6)
 # No body's count of resets, so that the next pose is taken to have another constant error.
 _ANEW = -1
-_RESTART = -2  # Nor so that the filters begin again at their reference.
+# Neither is this, by which a pair's filters begin again at the reference that they have.
+_RESTART = -2
 EMPTY_GRAPH = JointGraphState(pairs={}, bodies={}, past={}, unseen={}, ticks=0)
 
 

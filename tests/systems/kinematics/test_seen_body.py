@@ -292,6 +292,8 @@ def test_features_tell_at_once_that_a_body_moves_which_the_hand_took_to_rest(res
         sighted = replace(sighted, reset_count=resets, offset_covariance=resets * REFERENCE_ERROR)
         driver.set(beside, sighted)
         driver.tick()
+        if k == 5 and not resets:
+            assert _joint_of_held(driver).probabilities[JointType.RIGID] < 0.05
     for parent, off in ((STATIC_BODY, 1.5e-3), (_SEEN, 3e-3)):  # The latter is seen with noise.
         found = _joint_of_held(driver, parent)
         if resets:

@@ -111,7 +111,9 @@ def make_estimator(
     tool = filters.add(builder, "tool_kinematics", ToolKinematics, config.tool)
     if name != "filtered":
         if name == "geometric":
-            hinge = filters.add(builder, "hinge", HingeEstimator, config.hinge, config.limits)
+            hinge = filters.add(
+                builder, "hinge", HingeEstimator, config.hinge, camera, config.limits
+            )
         else:
             hinge = filters.add(builder, "hinge", PlaneIntersection, config.planes, config.limits)
         angle = filters.add(builder, "flap_angle", FlapAngleFilter, config.angle, camera)

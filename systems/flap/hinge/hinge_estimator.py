@@ -9,6 +9,7 @@ from crossmodal.maths.arrays import Array
 from crossmodal.maths.immutable import Immutable
 from crossmodal.maths.validation import check, number
 from crossmodal.maths.vectors import normal_basis
+from crossmodal.systems.depth_camera import DepthCamera
 from crossmodal.systems.flap.flap_geometry import (
     CAMERA,
     FINGER,
@@ -98,7 +99,7 @@ def read_hinge(
     """What is believed of the axis, near the contact p_WC (3,) that was measured last.
 
     Args:
-        covariance: (21, 21) of it.
+        covariance: (23, 23) of it.
         displacements: What was known of them before, about the model's Q.
     """
     k, p_WQ = model.k_W, displacements.p_WQ
@@ -138,6 +139,7 @@ def update_hinge(
     contact: FingertipContact,
     plane: FlapPlane,
     displacements: DisplacementBelief,
+    camera: DepthCamera,
     config: HingeEstimatorConfig,
     limits: HingeLimitsConfig,
 ) -> HingeState:
@@ -161,7 +163,7 @@ def update_hinge(
             return state
         model = first_model(frames, config.tool_size, before[0])
     contact_spread = config.contact_along, config.contact_across
-    priors = make_priors(p_WQ, config.tool_size, config.offset, contact_spread, before)
+    priors = make_priors(p_WQ, config.tool_size, config.offset, contact_spread, before, camera)
     rounds = config.rounds if state.model is not None else 10 * config.rounds
     found = solve(model, frames, priors, rounds)
     if found.misfit > 1.0 and turn(frames) >= limits.least_turn:
@@ -179,7 +181,8 @@ class HingeEstimator(RecursiveFilter):
 
     Each tick solves for all that is unknown and constant: the axis, how far the faces lie off it,
     where on the flap the finger touches, and by how much camera and finger arm are displaced by
-    their calibrations, of which the registration is the prior. See `hinge_solver`. What was
+    their calibrations, of which the registration is the prior, and the camera's image is stretched
+    by its. See `hinge_solver`. What was
     measured is averaged into keyframes; of these a window is kept. While they are not of one hinge,
     as where the tool moves in the hand, it is sought afresh, too, and its covariance is larger.
 
@@ -194,14 +197,21 @@ class HingeEstimator(RecursiveFilter):
 
     Source: of the use of planes at different times, the paper on visuo-tactile servoing of
     articulated tools, section III-B (Q. Li et al.); the model is ours.
+
+    Args:
+        camera: Whose planes these are, with its calibration's errors; it is assumed to stand still.
     """
 
     def __init__(
-        self, config: HingeEstimatorConfig, limits: HingeLimitsConfig | None = None
+        self,
+        config: HingeEstimatorConfig,
+        camera: DepthCamera,
+        limits: HingeLimitsConfig | None = None,
     ) -> None:
         super().__init__()
         check(config, "HingeEstimator")
-        self._config, self._limits = config, limits or HingeLimitsConfig()
+        self._config, self._camera = config, camera
+        self._limits = limits or HingeLimitsConfig()
         check(self._limits, "HingeEstimator")
         self._plane = self._declare_value_input("flap_plane_estimated", unseen("none yet"))
         self._contact = self._declare_value_input("fingertip_contact_estimated", UNKNOWN_FINGERTIP)
@@ -218,6 +228,7 @@ class HingeEstimator(RecursiveFilter):
             self._read(self._contact, context),
             self._read(self._plane, context),
             self._read(self._displacements, context),
+            self._camera,
             self._config,
             self._limits,
         )

@@ -12,7 +12,12 @@ contact wanders on the edge:
 
 where no face is seen, what remains is the circle |c - p - k k · (c - p)| = sqrt(a^2 + b^2). What
 camera and finger report is displaced by small constant rotations omega and translations delta, the
-calibrations' errors, about a point Q near the flap.
+calibrations' errors, about a point Q near the flap. What the camera shows is also stretched about Q
+by the errors s of its depth's scale and f of its focal length: a point x seems to be at
+
+    x + delta + omega x (x - Q) + (s I + f (I - z z^T)) (x - Q),
+
+with the optical axis z. By f a face tilts by an angle that depends on how far the flap is turned.
 """
 
 from typing import NamedTuple
@@ -22,15 +27,16 @@ import numpy as np
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.gaussian import symmetric
 from crossmodal.maths.vectors import normal_basis
+from crossmodal.systems.depth_camera import DepthCamera
 from crossmodal.systems.flap.hinge.hinge_keyframes import StackedKeyframes
 from crossmodal.systems.port_values import displacement_at
 
 # Places of the unknowns in the vector of corrections.
-AXIS, POINT, OFFSETS, CONTACT, CAMERA, TOUCH = (
-    slice(0, 2), slice(2, 5), slice(5, 7), slice(7, 9), slice(9, 15), slice(15, 21),
+AXIS, POINT, OFFSETS, CONTACT, CAMERA, TOUCH, STRETCH = (
+    slice(0, 2), slice(2, 5), slice(5, 7), slice(7, 9), slice(9, 15), slice(15, 21), slice(21, 23),
 )  # fmt: skip
 DISPLACEMENTS = slice(9, 21)  # The camera's and the finger's.
-SIZE = 21
+SIZE = 23
 ROWS = 5  # Residuals of a keyframe: k · n, n · p + h - d, n_f · u - b, t · u - a, circle.
 
 
@@ -44,6 +50,7 @@ class HingeModel(NamedTuple):
         contact: (a, b), [m].
         camera: Displacement (6,) of what the camera sees, (omega, delta) about Q in W.
         touch: Displacement (6,) of what the finger touches.
+        stretch: Errors s and f (2,) of its depth's scale and focal length, as shares of them.
     """
 
     k_W: Array
@@ -52,25 +59,28 @@ class HingeModel(NamedTuple):
     contact: Array
     camera: Array
     touch: Array
+    stretch: Array
 
 
 def corrected(model: HingeModel, dx: Array) -> HingeModel:
-    """The model after a correction (21,); that of the axis is in `normal_basis(k_W)`."""
+    """The model after a correction (23,); that of the axis is in `normal_basis(k_W)`."""
     k = model.k_W + normal_basis(model.k_W).T @ dx[AXIS]
-    parts = zip(model[1:], (POINT, OFFSETS, CONTACT, CAMERA, TOUCH), strict=True)
+    parts = zip(model[1:], (POINT, OFFSETS, CONTACT, CAMERA, TOUCH, STRETCH), strict=True)
     return HingeModel(k / np.linalg.norm(k), *[value + dx[part] for value, part in parts])
 
 
 def linearise(
-    model: HingeModel, frames: StackedKeyframes, p_WQ: Array
+    model: HingeModel, frames: StackedKeyframes, p_WQ: Array, z_W: Array
 ) -> tuple[Array, Array, Array]:
-    """Residuals (K, 5), their Jacobian (K, 5, 21) by the unknowns and (K, 5, 7) by (n, d, c).
+    """Residuals (K, 5), their Jacobian (K, 5, 23) by the unknowns and (K, 5, 7) by (n, d, c).
 
     Rows that a keyframe does not have are zero.
     """
     k, p, seen = model.k_W, model.p_W, frames.seen
-    by_camera, by_touch = _plane_displacements(frames, p_WQ), -displacement_at(frames.p_WC, p_WQ)
-    n, d = frames.n_W + by_camera[:, :3] @ model.camera, frames.d + by_camera[:, 3] @ model.camera
+    by_camera = _plane_displacements(frames, p_WQ, z_W)
+    by_touch = -displacement_at(frames.p_WC, p_WQ)
+    error = np.concatenate([model.camera, model.stretch])
+    n, d = frames.n_W + by_camera[:, :3] @ error, frames.d + by_camera[:, 3] @ error
     u = frames.p_WC + by_touch @ model.touch - p
     n_f = frames.face[:, None] * n
     t = np.cross(n_f, k)
@@ -103,7 +113,8 @@ def linearise(
     J[:, 1, OFFSETS] = np.column_stack([front, ~front])
     J[:, 2, 8], J[:, 3, 7] = -1.0, -1.0
     J[:, 4, CONTACT] = -model.contact / np.hypot(a, b)
-    J[:, :, CAMERA] = by_measured[:, :, :4] @ by_camera
+    J[:, :, CAMERA] = by_measured[:, :, :4] @ by_camera[:, :, :6]
+    J[:, :, STRETCH] = by_measured[:, :, :4] @ by_camera[:, :, 6:]
     J[:, :, TOUCH] = by_measured[:, :, 4:] @ by_touch
 
     unused = np.ones((len(n), ROWS), dtype=bool)
@@ -113,12 +124,18 @@ def linearise(
     return r, J, by_measured
 
 
-def _plane_displacements(frames: StackedKeyframes, p_WQ: Array) -> Array:
-    """How the corrected (n, d) (K, 4, 6) change with the camera's displacement."""
-    J = np.zeros((len(frames.d), 4, 6))
-    J[:, :3, :3] = -displacement_at(frames.n_W, np.zeros(3))[:, :, :3]
-    J[:, 3, :3] = -np.cross(frames.n_W, p_WQ)
-    J[:, 3, 3:] = -frames.n_W
+def _plane_displacements(frames: StackedKeyframes, p_WQ: Array, z_W: Array) -> Array:
+    """How the corrected (n, d) (K, 4, 8) change with the camera's displacement and stretch."""
+    n, from_Q = frames.n_W, frames.d - frames.n_W @ p_WQ
+    tilt = n - (n @ z_W)[:, None] * z_W  # (I - z z^T) n, of which the part along n does not turn.
+    along = np.sum(n * tilt, axis=1)
+    J = np.zeros((len(n), 4, 8))
+    J[:, :3, :3] = -displacement_at(n, np.zeros(3))[:, :, :3]
+    J[:, :3, 7] = tilt - along[:, None] * n
+    J[:, 3, :3] = -np.cross(n, p_WQ)
+    J[:, 3, 3:6] = -n
+    J[:, 3, 6] = -from_Q
+    J[:, 3, 7] = tilt @ p_WQ - along * frames.d
     return J
 
 
@@ -150,7 +167,7 @@ def first_model(frames: StackedKeyframes, spread: float, displacements: Array) -
     p = c + np.linalg.lstsq(A, np.append((d - n @ c) / std, np.zeros(3)), rcond=None)[0]
     u = c - p
     contact = np.array([np.cross(n[0], k) @ u, n[0] @ u])
-    return HingeModel(k, p, np.zeros(2), contact, displacements[:6], displacements[6:])
+    return HingeModel(k, p, np.zeros(2), contact, displacements[:6], displacements[6:], np.zeros(2))
 
 
 _TAIL = 5.0  # Degrees of freedom of the Student distribution of a keyframe's residuals.
@@ -161,13 +178,15 @@ class HingePriors(NamedTuple):
 
     Attributes:
         p_WQ: Point (3,) about which the displacements are, the first contact, [m].
-        information: (21, 21), of the unknowns.
-        mean: (21,); zero but for the contact's place and the displacements, the point on the axis
+        z_W: The camera's optical axis (3,).
+        information: (23, 23), of the unknowns.
+        mean: (23,); zero but for the contact's place and the displacements, the point on the axis
             relative to Q.
         contact_spread: Standard deviations of how the contact wanders along t and along n, [m].
     """
 
     p_WQ: Array
+    z_W: Array
     information: Array
     mean: Array
     contact_spread: tuple[float, float]
@@ -179,6 +198,7 @@ def make_priors(
     offset: float,
     contact_spread: tuple[float, float],
     displacements: tuple[Array, Array],
+    camera: DepthCamera,
 ) -> HingePriors:
     """Priors.
 
@@ -187,6 +207,7 @@ def make_priors(
         tool_size: Standard deviation of the axis' distance from it, [m].
         offset: Of the faces and of the contact from the axis, along the normal, [m].
         displacements: Mean (12,) and covariance (12, 12) of the camera's and the finger's about Q.
+        camera: With the errors of its depth's scale and focal length.
     """
     mean, covariance = displacements
     information = np.zeros((SIZE, SIZE))
@@ -194,10 +215,12 @@ def make_priors(
     information[OFFSETS, OFFSETS] = np.eye(2) / offset**2
     information[CONTACT, CONTACT] = np.diag([tool_size**-2, offset**-2])
     information[DISPLACEMENTS, DISPLACEMENTS] = np.linalg.inv(covariance + 1e-10 * np.eye(12))
+    stds = np.array([camera.depth_scale_std, camera.focal_length_std])
+    information[STRETCH, STRETCH] = np.diag(1.0 / (stds**2 + 1e-10))
     means = np.zeros(SIZE)
     means[CONTACT] = tool_size, 0.0
     means[DISPLACEMENTS] = mean
-    return HingePriors(p_WQ, information, means, contact_spread)
+    return HingePriors(p_WQ, camera.X_WC[:3, 2], information, means, contact_spread)
 
 
 class Solution(NamedTuple):
@@ -205,7 +228,7 @@ class Solution(NamedTuple):
 
     Attributes:
         model: The most likely one.
-        covariance: (21, 21) of its corrections.
+        covariance: (23, 23) of its corrections.
         cost: Of the model, by which it compares with others; an outlier's is bounded.
         misfit: Mean square of the residuals over their covariance, outliers and all: about one or
             less where the keyframes are of one hinge.
@@ -220,11 +243,11 @@ class Solution(NamedTuple):
 def _normal_equations(
     model: HingeModel, frames: StackedKeyframes, priors: HingePriors
 ) -> tuple[Array, Array, float, float]:
-    """Information (21, 21) and gradient (21,) of the unknowns, their cost and their misfit.
+    """Information (23, 23) and gradient (23,) of the unknowns, their cost and their misfit.
 
     Outliers among the keyframes are weighed down.
     """
-    r, J, by_measured = linearise(model, frames, priors.p_WQ)
+    r, J, by_measured = linearise(model, frames, priors.p_WQ, priors.z_W)
     t, n = priors.contact_spread
     S = by_measured @ frames.covariance @ by_measured.transpose(0, 2, 1)
     S += np.diag(np.array([1e-9, 1e-9, n, t, t]) ** 2)
@@ -236,7 +259,7 @@ def _normal_equations(
     white = (white * weight[:, None, None]).reshape(-1, 1 + SIZE)
     r, J, x = white[:, 0], white[:, 1:], -priors.mean
     x[POINT] += model.p_W - priors.p_WQ
-    for part, value in zip((OFFSETS, CONTACT, CAMERA, TOUCH), model[2:], strict=True):
+    for part, value in zip((OFFSETS, CONTACT, CAMERA, TOUCH, STRETCH), model[2:], strict=True):
         x[part] += value
     by_prior = priors.information @ x
     cost, misfit = float(r @ r + x @ by_prior), float(square.sum() / rows.sum())

@@ -165,16 +165,16 @@ def within(image: InverseDepth, p_CQ: Array, radius: float) -> Mask:
     return inside
 
 
-@hot
-def ahead(image: InverseDepth, p_CQ: Array, direction_C: Array, length: float) -> Mask:
-    """The valid pixels (h, w) that show what lies up to `length` [m] beyond Q in a direction."""
-    inside = np.zeros_like(image.valid)
-    for row in range(image.w.shape[0]):
-        for column in range(image.w.shape[1]):
-            if image.valid[row, column]:
-                z = 1.0 / image.w[row, column]
-                along = (image.x[column] * z - p_CQ[0]) * direction_C[0]
-                along += (image.y[row] * z - p_CQ[1]) * direction_C[1]
-                along += (z - p_CQ[2]) * direction_C[2]
-                inside[row, column] = 0.0 < along < length
-    return inside
+def ahead(image: InverseDepth, m_C: Array, p_CQ: Array, direction_C: Array, length: float) -> Mask:
+    """The valid pixels (h, w) at which a plane lies up to `length` [m] beyond Q in a direction.
+
+    A pixel's own noise does not decide whether it is one of them, since what is fitted to pixels
+    that are chosen by their noise is tilted.
+
+    Args:
+        m_C: The plane m · p = 1 (3,).
+    """
+    w = m_C[0] * image.x + (m_C[1] * image.y + m_C[2])[:, None]
+    along = direction_C[0] * image.x + (direction_C[1] * image.y + direction_C[2])[:, None]
+    beyond = along - float(p_CQ @ direction_C) * w  # Times the inverse depth, which is positive.
+    return np.asarray(image.valid & (w > 0.0) & (beyond > 0.0) & (beyond < length * w))

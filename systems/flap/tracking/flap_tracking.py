@@ -100,10 +100,10 @@ def choose_flap(
     R = camera.X_WC[:3, :3]
     p_CQ = R.T @ (track.p_WC - camera.X_WC[:3, 3])
     length = config.region.flap_length * (1.0 if is_touched else _BEFORE_TOUCH)
-    near = ahead(parts.image, p_CQ, R.T @ track.y_W, length)
+    near = [ahead(parts.image, fit.m_C, p_CQ, R.T @ track.y_W, length) for fit in parts.fits]
     rest = None if track.rest_W is None else -R.T @ track.rest_W
     if len(parts.fits) == 2 and (is_ahead or rest is None):
-        seen = [int(np.sum(fit.pixels & near)) for fit in parts.fits]
+        seen = [int(np.sum(fit.pixels & own)) for fit, own in zip(parts.fits, near, strict=True)]
         return parts.fits[int(np.argmax(seen))] if max(seen) > 0 else "hidden by the finger"
     fit = parts.fits[0]
     if rest is not None:
@@ -112,7 +112,7 @@ def choose_flap(
             return fit
     if not is_ahead:
         return "one surface only"
-    return _ahead_of_pad(parts, fit, near, config) or "too few points"
+    return _ahead_of_pad(parts, fit, near[0], config) or "too few points"
 
 
 def _ahead_of_pad(
@@ -218,7 +218,7 @@ def track_flap(
         if edge is not None and len(parts.fits) == 1:
             # What lies farther from the edge need not be the flap's.
             length = float((edge.p_CE - X_CS[:3, 3]) @ X_CS[:3, 1]) + config.region.flap_length
-            near = ahead(parts.image, X_CS[:3, 3], X_CS[:3, 1], length)
+            near = ahead(parts.image, flap.m_C, X_CS[:3, 3], X_CS[:3, 1], length)
             flap = _ahead_of_pad(parts, flap, near, config) or flap
     plane = describe(flap, parts, camera, track.p_WC if touched else None, config)
     if plane.seen and edge is not None:
@@ -237,7 +237,7 @@ def _edge_before(
 ) -> EdgeFit | None:
     """The free edge before which the fingertip (4, 4) waits, if that is seen."""
     y_C, z_C = X_CS[:3, 1], X_CS[:3, 2]
-    near = ahead(parts.image, X_CS[:3, 3], y_C, _BEFORE_TOUCH * config.region.flap_length)
+    near = ahead(parts.image, fit.m_C, X_CS[:3, 3], y_C, _BEFORE_TOUCH * config.region.flap_length)
     return free_edge(
         parts.image,
         fit,

@@ -85,7 +85,13 @@ class Geometric:
     ) -> tuple[HingeBelief, FlapAngleBelief]:
         del time
         self._hinge = update_hinge(
-            self._hinge, contact, plane, self._displacements, self._hinge_config, LIMITS
+            self._hinge,
+            contact,
+            plane,
+            self._displacements,
+            self._lab.camera,
+            self._hinge_config,
+            LIMITS,
         )
         belief = self._hinge.belief
         self._angle = update_angle(self._angle, plane, contact, belief, self._angle_config)

@@ -15,6 +15,7 @@ from crossmodal.maths.pinhole import Intrinsics
 from crossmodal.systems.depth_camera import (
     DepthCamera,
     displacement_covariance,
+    focal_tilt,
     plane_jacobian,
     seen_covariance,
 )
@@ -132,6 +133,7 @@ class Errors:
     camera_rotation: float = float(np.deg2rad(0.5))
     camera_translation: float = 0.005
     depth_scale: float = 0.005
+    focal_length: float = 0.005
     arm_rotation: float = float(np.deg2rad(0.3))
     arm_translation: float = 0.003
     taxels: float = 0.0005
@@ -172,6 +174,7 @@ class Laboratory:
         camera = np.concatenate([e.camera_rotation * n[:3], e.camera_translation * n[3:6]])
         self.X_WC_true = self.X_WC @ se3.exp(camera)
         self.depth_scale = 1.0 + e.depth_scale * n[6]
+        self.focal_length = e.focal_length * float(np.random.default_rng([seed, 18]).normal())
         arm = np.repeat([e.arm_rotation, e.arm_translation], 3)
         self._finger = se3.exp(arm * n[7:13])  # Of the base, whose axes are the world's.
         self._holder = se3.exp(arm * n[13:19])
@@ -182,8 +185,14 @@ class Laboratory:
             X_WC=self.X_WC,
             pose_covariance=_spread(e.camera_rotation, e.camera_translation),
             depth_scale_std=e.depth_scale,
+            focal_length_std=e.focal_length,
         )
         self._walk = np.zeros(3)
+
+    def _aside(self, p_W: Array) -> Array:
+        """From the camera's optical axis to a point."""
+        ray, z = p_W - self.X_WC[:3, 3], self.X_WC[:3, 2]
+        return np.asarray(ray - z * (z @ ray))
 
     def theta(self, t: float) -> float:
         """Two seconds of rest, then 0.08 rad/s up to 125 deg."""
@@ -212,7 +221,9 @@ class Laboratory:
         # What the believed camera makes of it.
         X = self.X_WC @ se3.inverse(self.X_WC_true)
         scaled = p_WC + self.depth_scale * (p_WF + n * e[2] - p_WC)
-        seen_n = X[:3, :3] @ n_noisy
+        scaled += self.focal_length * self._aside(p_WF)
+        tilted = n_noisy + self.focal_length * focal_tilt(self.camera, n_noisy)
+        seen_n = X[:3, :3] @ tilted / np.linalg.norm(tilted)
         seen_p = X[:3, :3] @ scaled + X[:3, 3]
         J_seen = np.zeros((4, 3))
         J_seen[:3] = X[:3, :3] @ J[:3]
@@ -283,6 +294,7 @@ class Laboratory:
             covariance[part, part] = blocks[name]
             true[part] = np.append(se3.so3_log(X[:3, :3]), X[:3, :3] @ p_WQ + X[:3, 3] - p_WQ)
         true[3:6] += (self.depth_scale - 1.0) * (p_WQ - self.X_WC[:3, 3])
+        true[3:6] += self.focal_length * self._aside(p_WQ)
         if not registered:
             return replace(belief, mean=np.zeros(18))
         H = np.hstack([np.tile(-np.eye(6), (2, 1)), np.eye(12)])

@@ -26,8 +26,8 @@ from crossmodal.systems.port_values import UNKNOWN_FINGERTIP, UNKNOWN_HINGE, Hin
 
 CONFIG = FlapAngleConfig()
 EXACT = Errors(
-    camera_rotation=0.0, camera_translation=0.0, depth_scale=0.0, arm_rotation=0.0,
-    arm_translation=0.0, taxels=0.0,
+    camera_rotation=0.0, camera_translation=0.0, depth_scale=0.0, focal_length=0.0,
+    arm_rotation=0.0, arm_translation=0.0, taxels=0.0,
 )  # fmt: skip
 
 

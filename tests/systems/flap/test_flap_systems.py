@@ -29,8 +29,8 @@ from crossmodal.systems.port_values import (
 from tests.documented_ports import documented_ports
 
 EXACT = Errors(
-    camera_rotation=1e-6, camera_translation=1e-6, depth_scale=1e-6, arm_rotation=1e-6,
-    arm_translation=1e-6, taxels=1e-6,
+    camera_rotation=1e-6, camera_translation=1e-6, depth_scale=1e-6, focal_length=1e-6,
+    arm_rotation=1e-6, arm_translation=1e-6, taxels=1e-6,
 )  # fmt: skip
 
 
@@ -51,7 +51,7 @@ class Chain:
             hinge = angle = joint
             systems.append(joint)
         else:
-            hinge = builder.AddSystem(HingeEstimator(HingeEstimatorConfig()))
+            hinge = builder.AddSystem(HingeEstimator(HingeEstimatorConfig(), lab.camera))
             angle = builder.AddSystem(FlapAngleFilter(FlapAngleConfig(), lab.camera))
             builder.Connect(
                 hinge.GetOutputPort("hinge_estimated"), angle.GetInputPort("hinge_estimated")
@@ -187,7 +187,7 @@ def _systems() -> list[LeafSystem]:
     camera = Laboratory(0).camera
     return [
         FlapTracker(FlapTrackingConfig(), camera),
-        HingeEstimator(HingeEstimatorConfig()),
+        HingeEstimator(HingeEstimatorConfig(), camera),
         FlapAngleFilter(FlapAngleConfig(), camera),
         FlapJoint(FlapJointConfig(), camera),
         ToolKinematics(ToolKinematicsConfig()),

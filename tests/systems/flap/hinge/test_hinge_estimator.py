@@ -59,7 +59,7 @@ def test_nothing_is_believed_before_the_flap_has_turned() -> None:
     for i in range(60):
         theta = lab.theta(i * PERIOD)
         contact, plane = lab.contact(theta, 0.0), lab.plane(theta)
-        state = update_hinge(state, contact, plane, lab.displacements(), config, LIMITS)
+        state = update_hinge(state, contact, plane, lab.displacements(), lab.camera, config, LIMITS)
         if theta < 0.1:
             assert not state.belief.known
             assert np.isnan(state.belief.k_W).all()
@@ -77,7 +77,7 @@ def _moved_in_the_hand(rotation: Array, end: float) -> tuple[HingeBelief, Array]
         R = se3.so3_exp(rotation * np.clip((t - 2.0) / (end - 2.0), 0.0, 1.0))
         lab.tool = replace(still, k_W=R @ still.k_W)
         contact, plane = lab.contact(lab.theta(t), 0.08), lab.plane(lab.theta(t))
-        state = update_hinge(state, contact, plane, known, config, LIMITS)
+        state = update_hinge(state, contact, plane, known, lab.camera, config, LIMITS)
     return state.belief, lab.tool.k_W
 
 
@@ -101,9 +101,11 @@ def test_without_a_contact_the_hinge_stays_as_it_is() -> None:
     for i in range(150):
         theta = lab.theta(i * PERIOD)
         contact, plane = lab.contact(theta, 0.08), lab.plane(theta)
-        state = update_hinge(state, contact, plane, known, config, LIMITS)
+        state = update_hinge(state, contact, plane, known, lab.camera, config, LIMITS)
     assert state.belief.known
-    after = update_hinge(state, UNKNOWN_FINGERTIP, lab.plane(0.3), known, config, LIMITS)
+    after = update_hinge(
+        state, UNKNOWN_FINGERTIP, lab.plane(0.3), known, lab.camera, config, LIMITS
+    )
     assert after is state
 
 
@@ -113,7 +115,7 @@ def test_the_window_of_keyframes_is_bounded_and_keeps_the_first() -> None:
     for i in range(0, 400, 3):
         theta = lab.theta(i * PERIOD)
         contact, plane = lab.contact(theta, 0.08), lab.plane(theta)
-        state = update_hinge(state, contact, plane, known, config, LIMITS)
+        state = update_hinge(state, contact, plane, known, lab.camera, config, LIMITS)
     assert len(state.keyframes) == 10
     assert np.linalg.norm(state.keyframes[0].p_WC0 - state.keyframes[1].p_WC0) > 0.01
     assert state.belief.known

@@ -10,7 +10,13 @@ from synthetic_flap import Errors, Laboratory, ideal_depth, measured_depth, pose
 from crossmodal.maths import se3
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.consistency import chi_square_bounds
-from crossmodal.systems.flap.tracking.flap_region import fit_local_planes, inverse_depth, normals
+from crossmodal.systems.flap.tracking.flap_region import (
+    InverseDepth,
+    ahead,
+    fit_local_planes,
+    inverse_depth,
+    normals,
+)
 from crossmodal.systems.flap.tracking.flap_tracking import FlapTrack, track_flap
 from crossmodal.systems.flap.tracking.flap_tracking_config import (
     FlapTrackingConfig,
@@ -21,8 +27,8 @@ from crossmodal.systems.flap.tracking.tool_segmentation import angle_between
 from crossmodal.systems.port_values import UNKNOWN_FINGERTIP, unseen
 
 EXACT = Errors(
-    camera_rotation=0.0, camera_translation=0.0, depth_scale=0.0, arm_rotation=0.0,
-    arm_translation=0.0, taxels=0.0,
+    camera_rotation=0.0, camera_translation=0.0, depth_scale=0.0, focal_length=0.0,
+    arm_rotation=0.0, arm_translation=0.0, taxels=0.0,
 )  # fmt: skip
 CONFIG = FlapTrackingConfig()
 
@@ -52,6 +58,24 @@ class Tracker:
         n, d, _ = self.lab.tool.plane(np.deg2rad(degrees), self.lab.X_WC_true[:3, 3])
         plane = self.track.plane
         return np.append(plane.n_W - n, plane.d - d)
+
+
+def test_the_choice_of_pixels_ahead_of_the_pad_does_not_tilt_what_is_fitted_to_them() -> None:
+    rng, m = np.random.default_rng(5), np.array([0.3, 1.0, 1.1])  # Slanted, 0.9 m away.
+    x, y = np.linspace(-0.05, 0.05, 60), np.linspace(-0.05, 0.05, 60)
+    w = m[0] * x + (m[1] * y + m[2])[:, None]
+    direction = np.array([0.0, 1.0, -1.0]) / np.sqrt(2.0)
+    p_CQ = np.array([0.0, -0.01, 0.91])
+    tilts = []
+    for _ in range(200):
+        noise = 0.004 * rng.normal(size=w.shape)  # Some 3 mm of depth.
+        image = InverseDepth(w + noise, np.ones(w.shape, bool), x, y)
+        fit = fit_plane(image, ahead(image, m, p_CQ, direction, 0.04), 10)
+        assert fit is not None
+        assert fit.size > 300
+        tilts.append(fit.m_C - m)
+    tilts = np.array(tilts)
+    assert np.all(np.abs(tilts.mean(axis=0)) < 4.0 * tilts.std(axis=0) / np.sqrt(len(tilts)))
 
 
 @pytest.mark.parametrize("degrees", [0.0, 5.0, 15.0, 45.0, 80.0, 120.0])

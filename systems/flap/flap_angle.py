@@ -35,8 +35,8 @@ class FlapAngleConfig(Ticked):
     lever_error: float = number(0.3, at_least=0.0, at_most=10.0)
     # Least such share with a known hinge: the contact wanders.
     least_lever_error: float = number(0.01, at_least=0.0, at_most=10.0)
-    # Change of that share in one second.
-    lever_random_walk: float = number(0.005, at_least=0.0, at_most=10.0)
+    # Within which a hinge that is seen gets another lever, of another error.
+    lever_time: float = number(1.0, at_least=1e-3, at_most=3600.0, unit="s")
     # Standard deviation of the flap's angle against the finger's motion, after one second.
     slip: float = number(0.004, at_least=1e-6, at_most=10.0, unit="rad")
     # Rate of a flap that nobody touches: it holds itself by friction.
@@ -107,9 +107,25 @@ def predict(
     """theta += rate (1 + s) dt."""
     F = np.eye(3)
     F[0, 1] = rate * dt
-    Q = np.diag([variance * dt**2 + config.slip**2 * dt, config.lever_random_walk**2 * dt, 0.0])
+    Q = np.diag([variance * dt**2 + config.slip**2 * dt, 0.0, 0.0])
     x = state.x + np.array([rate * (1.0 + state.x[1]) * dt, 0.0, 0.0])
     return replace(state, x=x, P=F @ state.P @ F.T + Q, rate=rate, measured=False)
+
+
+def renew_lever(state: FlapAngleState, share: float, passed: float) -> FlapAngleState:
+    """The state with a lever that the hinge has changed meanwhile.
+
+    The hinge learns from the same planes as the angle. What the angle has learnt of an earlier
+    lever's error is forgotten, and that of the lever is as large as the hinge says.
+
+    Args:
+        share: Standard deviation of the lever's relative error.
+        passed: Time, as a share of that within which the lever changes; infinite for another one.
+    """
+    kept = np.array([1.0, np.exp(-passed), 1.0])
+    P = state.P * np.outer(kept, kept)
+    P[1, 1] += (1.0 - kept[1] ** 2) * share**2
+    return replace(state, x=state.x * kept, P=P)
 
 
 def correct(
@@ -220,12 +236,9 @@ def update_angle(
         state = replace(state, touched=True, P=P, rest_images=0)
     elif touching:
         rate, variance, share = contact_rate(hinge, contact, state.n_W, config)
-        if hinge.known and not was_known:
+        if hinge.known and (plane.seen or not was_known):
             # From now on the rate is measured with this hinge's lever.
-            P = state.P.copy()
-            P[1], P[:, 1] = 0.0, 0.0
-            P[1, 1] = share**2
-            state = replace(state, x=state.x * [1.0, 0.0, 1.0], P=P)
+            state = renew_lever(state, share, dt / config.lever_time if was_known else np.inf)
         state = predict(state, rate, variance, dt, config)
     else:
         state = predict(state, 0.0, config.free_rate**2, dt, config)

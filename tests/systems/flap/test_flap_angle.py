@@ -200,3 +200,18 @@ def test_whole_episodes_are_followed_to_a_degree_seen_and_to_two_hidden() -> Non
         episode = run(Laboratory(seed))
         assert episode.rms("theta", True) < np.deg2rad(1.0)
         assert episode.rms("theta", False) < np.deg2rad(3.0)
+
+
+def test_what_wrong_planes_said_of_an_earlier_lever_is_forgotten_before_the_flap_is_hidden() -> (
+    None
+):
+    lab, state = _seen_state()
+    wrong = np.diag([1e-4, 1e-4, 1e-6])
+    state = replace(state, x=np.array([0.0, -0.3, 0.0]), P=wrong)
+    theta = 0.0
+    for i in range(210):
+        theta += 0.08 * PERIOD
+        plane = lab.plane(theta) if i < 60 else unseen("hidden")
+        state = update_angle(state, plane, lab.contact(theta, 0.08), _true_hinge(lab), CONFIG)
+    assert state.x[0] == pytest.approx(theta, abs=0.03)
+    assert abs(state.x[0] - theta) < 3.0 * np.sqrt(state.P[0, 0])

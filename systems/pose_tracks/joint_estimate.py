@@ -126,18 +126,26 @@ def nearest_configuration(S_P: Array, X_PB_zero: Array, X_PB: Array, W: Array, q
         S_P: (6,)
         X_PB_zero: (4, 4)
         X_PB: (4, 4)
-        W: Information (6, 6), in B.
+        W: Information (6, 6), in B; zero about a rotation that was not measured.
         q: First guess, on the same turn.
     """
     for _ in range(_STEPS):
         X = np.ascontiguousarray(se3.exp(S_P * q) @ X_PB_zero)
         J = se3.adjoint(se3.inverse(X)) @ S_P
-        e = se3.log(se3.inverse(X) @ X_PB)
+        e = _difference(X, X_PB, W)
         step = float(J @ W @ e) / float(J @ W @ J)
         q += step
         if abs(step) < 1e-9:
             break
     return q
+
+
+def _difference(X: Array, X_PB: Array, W: Array) -> Array:
+    """The tangent vector (6,) from X to X_PB; a rotation that was not measured is that of X."""
+    measured = X_PB.copy()
+    if W[0, 0] == 0.0:
+        measured[:3, :3] = X[:3, :3]
+    return np.asarray(se3.log(se3.inverse(X) @ measured))
 
 
 def estimate(
@@ -235,7 +243,7 @@ def along_path(found: JointEstimate) -> JointEstimate:
         if moves:
             J = se3.adjoint(se3.inverse(X)) @ found.S_P
             q_deviation[k] = np.sqrt(1.0 / (J @ W @ J) + of_zero)
-        error = se3.log(se3.inverse(X) @ X_PB)
+        error = _difference(X, X_PB, W)
         measured = np.isfinite(track.deviations[k, 0])
         distance[k] = np.linalg.norm(error[:3]) if measured else np.nan, np.linalg.norm(error[3:])
     return replace(found, q=q, q_deviation=q_deviation, distance=distance)

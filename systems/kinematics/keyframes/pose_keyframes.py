@@ -19,6 +19,7 @@ import numpy as np
 from crossmodal.maths import cholesky
 from crossmodal.maths.arrays import Array, Ids
 from crossmodal.maths.compiled import assign, hot
+from crossmodal.maths.se3 import so3_exp
 from crossmodal.maths.se3_in_place import perturb, relative_log
 from crossmodal.systems.kinematics.keyframes.measurement_noise import MEASURED
 
@@ -225,14 +226,24 @@ def fix(kf: Keyframes, k: int, inlier: float) -> None:
     _fill(kf, k)
 
 
-def merge(kf: Keyframes, k: int) -> None:
-    """Averages keyframes k and k + 1 with scalar weights, which keeps the mean on their screw."""
+def merge(kf: Keyframes, k: int, turn: Array) -> None:
+    """Averages keyframes k and k + 1 with scalar weights, which keeps the mean on their screw.
+
+    Args:
+        turn: Rotation vector (3,) in F by which the child is taken to have turned from one to the
+            other where its rotation was not measured: the mean of two positions is on their arc.
+    """
     first, second = np.diagonal(kf.R[k]), np.diagonal(kf.R[k + 1])
     ratio, inverse = np.sqrt((first / second).sum()), np.sqrt((second / first).sum())
     weight = ratio / (ratio + inverse)
-    xi = np.empty(6)
+    xi, rotation = np.empty(6), kf.Z[k, :3, :3].copy()
+    unmeasured = kf.R[k, :3, :3].diagonal().min() > MEASURED
+    if unmeasured:
+        kf.Z[k + 1, :3, :3] = so3_exp(turn) @ rotation
     relative_log(kf.Z[k], kf.Z[k + 1], xi)
     perturb(kf.Z[k], weight * xi, kf.Z[k])
+    if unmeasured:
+        kf.Z[k, :3, :3] = rotation
     kf.R[k] = (1.0 - weight) ** 2 * kf.R[k] + weight**2 * kf.R[k + 1]
     kf.time[k] = (1.0 - weight) * kf.time[k] + weight * kf.time[k + 1]
     kf.streak[k] = kf.streak[k + 1]

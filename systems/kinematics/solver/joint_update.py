@@ -23,6 +23,7 @@ from crossmodal.systems.kinematics.solver.joint_geometry import (
     RIGID,
     SCREW,
     screw_twists,
+    turns,
 )
 from crossmodal.systems.kinematics.solver.joint_linearisation import (
     add_keyframes,
@@ -112,14 +113,15 @@ def expected_inliers(m: Models, kf: Keyframes, log_prior: Array, inlier: Array) 
 
 
 @hot
-def _turns_are_seen(kf: Keyframes) -> bool:
-    """Whether rotations are measured, to within a radian.
+def _shows_pitch(log_evidence: Array, kf: Keyframes) -> bool:
+    """Whether rotations are measured, to within a radian, or no hinge explains the positions.
 
-    By positions alone a helix and a tilted circle differ by less than a real hinge deviates, so
-    that the pitch is not estimated then.
+    By positions alone a helix of less than a turn and a tilted circle differ by less than a real
+    hinge deviates, so that the pitch is not estimated while a hinge explains them.
     """
     R = kf.R[kf.size[0] - 1]
-    return bool(min(R[0, 0], R[1, 1], R[2, 2]) < 1.0)
+    is_seen = min(R[0, 0], R[1, 1], R[2, 2]) < 1.0
+    return bool(is_seen or log_evidence[REVOLUTE] < log_evidence[FREE])
 
 
 def solve_all(m: Models, kf: Keyframes, priors: Priors, steps: int, all_models: bool) -> bool:
@@ -138,7 +140,7 @@ def solve_all(m: Models, kf: Keyframes, priors: Priors, steps: int, all_models: 
     # A free motion has no need of a tracker's errors, with which the joints are solved.
     best = int(np.argmax(before[:JOINTS] if kf.wander[0] > 0.0 else before))
     ratio = before[SCREW] - before[REVOLUTE]
-    seen, gain = _turns_are_seen(kf), 0.0
+    seen, gain = _shows_pitch(before, kf), 0.0
     for i in range(-1, JOINTS + 1):
         kind = best if i < 0 else i  # The best model first, since others inherit its change.
         is_scheduled = all_models or before[kind] > before[best] - _PRUNING_THRESHOLD
@@ -214,7 +216,7 @@ def restart(m: Models, kf: Keyframes, priors: Priors, all_models: bool) -> None:
     other = Models(*[x.copy() for x in m])
     fresh_start(other, kf, priors.axis_distance, priors.outliers[0])
     ratio = m.log_evidence[SCREW] - m.log_evidence[REVOLUTE]
-    screw = all_models and _turns_are_seen(kf)
+    screw = all_models and _shows_pitch(m.log_evidence, kf)
     moving = MOVING if screw else (PRISMATIC, REVOLUTE)
     for kind in moving:
         _solve_from_afar(kind, other, kf, priors)
@@ -255,7 +257,9 @@ def add_measurement(
         if average:
             pose_keyframes.fix(kf, k + 1, inlier[k + 1])
             kf.explained[:] += 0.5 * _step_loss(m, kf, k)
-            pose_keyframes.merge(kf, k)
+            kind = int(np.argmax(m.log_evidence[:JOINTS]))
+            angle = m.q[kind, k + 1] - m.q[kind, k] if turns(kind) else 0.0
+            pose_keyframes.merge(kf, k, angle * m.a[kind])
             _delete_configuration(m, kf, k + 1)
         else:
             marginalise(m, kf, k, priors)

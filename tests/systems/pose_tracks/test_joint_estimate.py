@@ -53,6 +53,21 @@ def test_a_joint_is_found_with_the_noise_of_its_poses(
     assert np.sqrt(np.mean(found.distance[:, 1] ** 2)) < 3.0 * SIGMA[3]
 
 
+@pytest.mark.parametrize(
+    ("S", "joint"), [(HINGE, joints.JointType.REVOLUTE), (SCREW, joints.JointType.SCREW)]
+)
+def test_positions_alone_show_a_joint_that_turns_more_than_once(
+    S: Array, joint: joints.JointType
+) -> None:
+    times = np.arange(240) / 30.0
+    found = joints.estimate(times, _poses(S, _opened(9.0, times), seed=1)[:, :3, 3])
+    assert found.type == joint
+    assert_allclose(found.S_P, S, atol=0.02)
+    assert_allclose(found.limits, (0.0, 9.0), atol=0.1)
+    if joint == joints.JointType.SCREW:
+        assert abs(found.model.pitch - 0.02) < 3.0 * np.sqrt(found.model.pitch_variance)
+
+
 @pytest.mark.parametrize("given", [SIGMA, None])
 def test_configuration_and_axis_are_as_far_off_as_they_say(given: Array | None) -> None:
     q, off, axis = _opened(1.0), [], []

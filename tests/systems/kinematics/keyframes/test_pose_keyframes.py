@@ -6,6 +6,7 @@ from numpy.testing import assert_allclose
 
 from crossmodal.maths import se3
 from crossmodal.systems.kinematics.keyframes import pose_keyframes
+from crossmodal.systems.kinematics.keyframes.measurement_noise import UNKNOWN
 from crossmodal.systems.kinematics.keyframes.pose_keyframes import Keyframes
 
 OUTLIERS = np.zeros(7)  # None.
@@ -17,7 +18,7 @@ def _fill(poses: np.ndarray, R: np.ndarray, capacity: int = 32) -> Keyframes:
         if kf.size[0] == capacity:
             at, average = pose_keyframes.choose(kf, 0.05, np.ones(capacity))
             if average:
-                pose_keyframes.merge(kf, at)
+                pose_keyframes.merge(kf, at, np.zeros(3))
             else:
                 pose_keyframes.remove(kf, at)
         pose_keyframes.append(kf, X, R, k / 15.0, OUTLIERS)
@@ -27,10 +28,22 @@ def _fill(poses: np.ndarray, R: np.ndarray, capacity: int = 32) -> Keyframes:
 def test_the_mean_of_two_poses_on_a_screw_is_on_the_screw_at_the_mean_time() -> None:
     screw = np.array([0.0, 0.0, 1.0, 0.3, -0.2, 0.1])
     kf = _fill(np.array([se3.exp(q * screw) for q in (0.0, 0.4, 1.6)]), 1e-6 * np.eye(6))
-    pose_keyframes.merge(kf, 1)
+    pose_keyframes.merge(kf, 1, np.zeros(3))
     assert_allclose(kf.Z[1], se3.exp(1.0 * screw), atol=1e-12)
     assert_allclose(kf.time[1], 1.5 / 15.0)
     assert_allclose(kf.R[1], 0.5e-6 * np.eye(6))
+
+
+def test_the_mean_of_two_positions_is_on_the_arc_by_which_the_child_has_turned() -> None:
+    R = np.diag(np.repeat([UNKNOWN, 1e-6], 3))
+    hinge = np.array([0.0, 0.0, 1.0, 0.4, 0.0, 0.0])
+    positions = np.tile(np.eye(4), (3, 1, 1))
+    for X, q in zip(positions, (0.0, 0.4, 1.2), strict=True):
+        X[:3, 3] = se3.exp(q * hinge)[:3, 3]
+    kf = _fill(positions, R)
+    pose_keyframes.merge(kf, 1, np.array([0.0, 0.0, 0.8]))
+    assert_allclose(kf.Z[1, :3, 3], se3.exp(0.8 * hinge)[:3, 3], atol=1e-12)
+    assert_allclose(kf.Z[1, :3, :3], np.eye(3))
 
 
 @pytest.mark.parametrize("floor", [0.0, 1e-4])
@@ -43,7 +56,7 @@ def test_a_less_certain_pose_counts_less_in_the_mean(floor: float) -> None:
         X[0, 3] = x
         pose_keyframes.append(kf, X, variance * np.eye(6), x, OUTLIERS)
     pose_keyframes.rescale(kf, np.ones(6), floor * np.eye(6), OUTLIERS)
-    pose_keyframes.merge(kf, 1)
+    pose_keyframes.merge(kf, 1, np.zeros(3))
     assert_allclose(kf.Z[1, 0, 3], 0.25)
     assert_allclose(kf.R[1], 0.75e-6 * np.eye(6), atol=1e-18)
 
@@ -111,7 +124,7 @@ def test_a_measurement_that_is_likely_an_outlier_counts_little_in_the_mean() -> 
     pose_keyframes.fix(kf, 2, 1e-9)
     assert not kf.undecided[2]
     assert_allclose(np.diag(kf.R[2])[3:], 0.09, rtol=1e-2)
-    pose_keyframes.merge(kf, 1)
+    pose_keyframes.merge(kf, 1, np.zeros(3))
     assert abs(kf.Z[1, 0, 3]) < 1e-4
 
 

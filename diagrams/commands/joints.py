@@ -61,12 +61,19 @@ def joints_command(
         ),
     ] = "",
     rate: Annotated[
-        float | None, typer.Option(help="Of the poses, where the file has no times, [Hz].")
+        float | None, typer.Option(help="Of the poses, [Hz]; times in the file are not used.")
     ] = None,
     scale: Annotated[float, typer.Option(help="Metres per unit of the positions.")] = 1.0,
     time_scale: Annotated[
         float, typer.Option(help="Seconds per unit of the times; stamps since 1970 need none.")
     ] = 1.0,
+    no_wander: Annotated[
+        bool,
+        typer.Option(
+            "--no-wander",
+            help="The tracker's rotations have no smooth errors of degrees, as fiducials' have.",
+        ),
+    ] = False,
     to: Annotated[
         str,
         typer.Option(
@@ -90,6 +97,7 @@ def joints_command(
         from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
         from crossmodal.maths.compiled import COMPILING, compilation_timed
         from crossmodal.systems.compile_ahead import compile_ahead
+        from crossmodal.systems.kinematics.joint_filters_config import JointFiltersConfig
         from crossmodal.systems.object_models.model_text import as_name
         from crossmodal.systems.pose_tracks.doubts import doubts
         from crossmodal.systems.pose_tracks.joint_model import to_sdf, to_urdf
@@ -119,6 +127,9 @@ def joints_command(
         given = None
         if deviations:
             given = vector_option("--deviations", deviations, 2) * [np.deg2rad(1.0), 1.0]
+        config = JointFiltersConfig()
+        if no_wander:
+            config.errors.wander = 0.0
         try:
 
             def read(file: Path, topic: str) -> PoseTrack:
@@ -138,6 +149,7 @@ def joints_command(
                 compile_ahead("joints")
             found = estimate_repeats(
                 [from_its_start(track) for track in tracks],
+                config,
                 progress=lambda poses: tqdm(
                     poses, "poses", leave=False, disable=True if quiet else None
                 ),

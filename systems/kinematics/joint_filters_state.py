@@ -133,6 +133,7 @@ class JointFiltersState(Immutable):
             noise_scale=(float(scale[0]), float(scale[3])),
             noise_correlation=float(correlations(self.noise).max()),
             path_floor=FLOORS[self.floor_index],
+            wander=float(np.sqrt(kf.wander[0])),
         )
 
 

@@ -79,6 +79,8 @@ class JointFit:
             cannot be distinguished from none.
         path_floor: Error that does not average out, as a multiple of the reported deviations, or of
             1.5 mm and 5 mrad, by which real joints deviate, where less is reported.
+        wander: Standard deviation of rotations' errors that are smooth in time and not reported,
+            per direction, [rad]; zero where there seem to be none.
     """
 
     reduced_chi_square: float
@@ -88,6 +90,7 @@ class JointFit:
     noise_scale: tuple[float, float]
     noise_correlation: float
     path_floor: float
+    wander: float = 0.0
 
 
 @dataclass(kw_only=True)

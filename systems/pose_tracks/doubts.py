@@ -67,8 +67,17 @@ def _of_poses(found: JointEstimate) -> Iterator[str]:
                 f" by {shown[k]:.2g}; they are rad and m in Python, deg and m for --deviations"
             )
     fit = found.belief.fit
+    if fit is not None and fit.wander > 0.0 and found.moves:
+        yield (
+            f"rotations are taken to err smoothly by some {np.rad2deg(fit.wander):.1f} deg, as"
+            " fiducials' do: rotations and positions do not show the same joint. If those of this"
+            " tracker err less, the body leaves the joint's path, and the axis is another one:"
+            " see --no-wander"
+        )
     if fit is not None and fit.reduced_chi_square > _CERTAIN_FIT * fit.bounds[1]:
         yield "the poses do not follow this joint: do not trust its deviations"
+    if found.type == JointType.DISCONNECTED and (jump := _jump(known[:, :3, 3])):
+        yield jump
     if found.type == JointType.DISCONNECTED and found.track.has_rotations:
         other = estimate_track(_with_w_first(found.track))
         if other.type != JointType.DISCONNECTED:
@@ -76,6 +85,18 @@ def _of_poses(found: JointEstimate) -> Iterator[str]:
                 f"read with w first, as qw, qx, qy, qz, the quaternions show a joint, {other.type}"
                 f" with p = {other.probability:.3f}"
             )
+
+
+def _jump(positions: Array) -> str:
+    """What tells of a step between two positions (N, 3) that is longer than all others together."""
+    steps = np.linalg.norm(np.diff(positions, axis=0), axis=1)
+    k = int(np.argmax(steps))
+    if steps[k] <= 0.5 * steps.sum():
+        return ""
+    return (
+        f"after pose {k} the body jumps by {steps[k]:.3g} m, farther than it moves in all other"
+        " steps: if the tracker had not found it before, leave out the poses until then"
+    )
 
 
 def _with_w_first(track: PoseTrack) -> PoseTrack:

@@ -12,7 +12,8 @@ from crossmodal.maths.arrays import Array
 from crossmodal.maths.immutable import Immutable
 from crossmodal.systems.kinematics.joint_filters import JointFilters
 from crossmodal.systems.kinematics.joint_filters_config import JointFiltersConfig
-from crossmodal.systems.kinematics.pose_checks import pose_fault, time_fault
+from crossmodal.systems.kinematics.joint_filters_state import skip
+from crossmodal.systems.kinematics.pose_checks import SkipReason, pose_fault, time_fault
 from crossmodal.systems.object_models.articulated_object import screw_of
 from crossmodal.systems.port_values import JointBelief, JointModelBelief, JointType
 from crossmodal.systems.pose_tracks.pose_track import (
@@ -192,11 +193,14 @@ def estimate_track(
         reasons = Counter(fault for fault in faults if fault is not None).most_common(1)
         why = "".join(f"; of {count}: {reason}" for reason, count in reasons)
         raise ValueError(f"less than two of {len(faults)} poses can be used{why}")
-    first = faults.index(None)
+    first, repeated = faults.index(None), _repeated(track.X_AB)
     filters = JointFilters(config or JointFiltersConfig())
     R = [np.diag(sigma**2) for sigma in track.deviations]
     state = filters.start(track.X_AB[first], R[first], float(track.times[first]))
     for k in progress(range(first + 1, len(track.times))):
+        if repeated[k]:
+            state = skip(state, SkipReason.REPEATED)
+            continue
         state = filters.update(state, track.X_AB[k], R[k], float(track.times[k]))
     belief = filters.belief(state)
     none = JointEstimate(
@@ -219,6 +223,15 @@ def estimate_track(
     if np.nanmedian(found.q) < 0.0:
         found = replace(found, S_P=-S_P, q=-found.q)
     return found
+
+
+def _repeated(X: Array) -> Array:
+    """Which poses (N,) are the last one, sent again; none where all are the same.
+
+    The filters cannot tell before the first other pose, as while a tracker has not found its body.
+    """
+    same = np.append(False, (X[1:] == X[:-1]).all(axis=(1, 2)))
+    return same & (not same[1:].all())
 
 
 def screw(belief: JointBelief) -> Array:

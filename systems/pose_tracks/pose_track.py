@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation, Slerp
 
 from crossmodal.maths import se3
@@ -15,7 +16,9 @@ from crossmodal.maths.immutable import Immutable
 _LEAST = np.repeat([1e-3, 1e-4], 3)  # [rad], [m]
 # Variance of the distance of a measurement from the mean of its two neighbours, by that of one.
 _SECOND_DIFFERENCE = 1.5
-_JUMPS = 0.1  # Of the steps in time, at most, that go back because a clock has jumped.
+# Seconds since 1970 are about 1.7e9; stamps that are a thousand times as large are milliseconds.
+_UNITS = ((1e17, 1e-9), (1e14, 1e-6), (1e11, 1e-3))
+_SAME = 1.0 + 1e-9  # Ratio of two lengths that are the same but for rounding.
 _STAMPS = 1e8  # Larger times are stamps since 1970, [s].
 _UNIT = 0.1  # Largest error of a quaternion's norm.
 _COLUMNS = ("time", "x", "y", "z", "qx", "qy", "qz", "qw")
@@ -50,7 +53,7 @@ def pose_track(times: Array, poses: Array, deviations: Array | None = None) -> P
     """A track from arrays.
 
     Args:
-        times: (N,), [s].
+        times: (N,), [s], or stamps since 1970 in milli-, micro- or nanoseconds, or `datetime64`.
         poses: (N, 4, 4) matrices, (N, 7) positions with quaternions (x, y, z, qx, qy, qz, qw), or
             (N, 3) positions alone, [m].
         deviations: Of each pose (N, 6), or of all: (6,), or (2,) for rotation [rad] and translation
@@ -60,7 +63,7 @@ def pose_track(times: Array, poses: Array, deviations: Array | None = None) -> P
         ValueError: for arrays of other shapes, for less than two positions or quaternions that can
             be used, and for deviations that are not positive.
     """
-    times, poses = np.asarray(times, dtype=float), np.asarray(poses, dtype=float)
+    times, poses = in_seconds(times), np.asarray(poses, dtype=float)
     count = len(times) if times.ndim == 1 else -1
     shapes = {(count, 4, 4): True, (count, 7): True, (count, 3): False}
     if poses.shape not in shapes or not count:
@@ -88,6 +91,23 @@ def pose_track(times: Array, poses: Array, deviations: Array | None = None) -> P
     if not has_rotations:
         sigma[:, :3] = np.inf
     return PoseTrack(times=times, X_AB=X_AB, deviations=sigma)
+
+
+def in_seconds(times: ArrayLike, unit: float = 1.0) -> Array:
+    """Times (N,) [s].
+
+    Args:
+        times: Numbers, or NumPy's `datetime64`.
+        unit: Of the numbers, [s], unless their size shows that they are stamps since 1970.
+    """
+    times = np.asarray(times)
+    if times.dtype.kind == "M":
+        missing = np.isnat(times)
+        stamps = times.astype("datetime64[ns]").astype(np.int64)
+        return np.where(missing, np.nan, 1e-9 * stamps)
+    times = times.astype(float)
+    largest = float(np.nanmax(np.abs(times), initial=0.0))
+    return times * next((unit for least, unit in _UNITS if largest > least), unit)
 
 
 def refuse_unusable(
@@ -145,17 +165,38 @@ def _matrices(poses: Array) -> Array:
 
 
 def in_order_of_time(track: PoseTrack) -> PoseTrack:
-    """The track as it is, or sorted where its times go back more often than a clock that jumps."""
-    steps = np.diff(track.times)
-    if not len(steps) or np.mean(steps < 0.0) <= _JUMPS:
+    """The track as it is, or where its times go back, sorted or without the clock's jumps.
+
+    In whichever order the body's path is shorter, so it went. Where that is the order in which the
+    poses came, and the times stay back, the clock has been set back.
+    """
+    if not (np.diff(track.times) < 0.0).any():
         return track
     order = np.argsort(track.times, kind="stable")
-    return PoseTrack(
-        times=track.times[order],
-        X_AB=track.X_AB[order],
-        deviations=track.deviations[order],
-        notes=(*track.notes, "the poses were not in the order of their times, and were sorted"),
-    )
+    if _way(track.X_AB[order]) <= _SAME * _way(track.X_AB):
+        return PoseTrack(
+            times=track.times[order],
+            X_AB=track.X_AB[order],
+            deviations=track.deviations[order],
+            notes=(*track.notes, "the poses were not in the order of their times, and were sorted"),
+        )
+    times, notes = track.times.copy(), list(track.notes)
+    usual = float(np.median(np.abs(np.diff(times[np.isfinite(times)]))))
+    for k in np.flatnonzero(np.diff(times) < 0.0):
+        back = times[k] - times[k + 1]
+        if (times[k + 1 : k + 3] < times[k]).all():
+            times[k + 1 :] += back + usual
+            notes.append(
+                f"after pose {k} the times go back by {back:.3g} s and go on from there; the clock"
+                " is taken to have been set back between two poses"
+            )
+    return replace(track, times=times, notes=tuple(notes))
+
+
+def _way(X: Array) -> float:
+    """Length of the way by poses (N, 4, 4), one after the other; of rotations as at a metre."""
+    known = X[np.isfinite(X).all(axis=(1, 2)), :3]
+    return float(np.linalg.norm(np.diff(known, axis=0), axis=(1, 2)).sum())
 
 
 def with_given(track: PoseTrack, deviations: Array) -> PoseTrack:

@@ -1,5 +1,6 @@
 """Tracks in files: CSV with a header, TUM trajectories, plain columns of numbers, and ROS bags."""
 
+import codecs
 import csv
 import re
 from collections.abc import Mapping, Sequence
@@ -10,7 +11,12 @@ import numpy as np
 
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.git_lfs import STANDS_FOR_ANOTHER, is_lfs_pointer
-from crossmodal.systems.pose_tracks.pose_track import PoseTrack, pose_track, refuse_unusable
+from crossmodal.systems.pose_tracks.pose_track import (
+    PoseTrack,
+    in_seconds,
+    pose_track,
+    refuse_unusable,
+)
 from crossmodal.systems.recordings.open_recording import is_recording
 from crossmodal.systems.recordings.pose_topics import read_poses
 
@@ -33,8 +39,6 @@ _NO_POSITION = {
 _FRACTION = ("nsecs", "nsec", "nanosec", "nanosecs", "nanoseconds")  # Beside a column of seconds.
 _POSITION, _QUATERNION = ("x", "y", "z"), ("qx", "qy", "qz", "qw")
 _TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}  # As in `time_ms`.
-# Seconds since 1970 are about 1.7e9; stamps that are a thousand times as large are milliseconds.
-_UNITS = ((1e17, 1e-9), (1e14, 1e-6), (1e11, 1e-3))
 _LARGEST_FILE = 500_000_000  # [bytes]
 
 
@@ -62,7 +66,7 @@ def read_track(
             `#` begins a comment.
         columns: Names of columns by `time`, `x`, `y`, `z`, `qx`, `qy`, `qz`, `qw`, where they are
             not found.
-        rate: Of the poses, where the file has no times, [Hz].
+        rate: Of the poses, [Hz], where the file has no times; else they are not used.
         scale: Metres per unit of the positions; 0.001 for millimetres.
         time_scale: Seconds per unit of the times, as long as they are not since 1970.
         topic: Of a bag with several topics of poses; of TF `TOPIC:CHILD`, a frame in its parent.
@@ -82,36 +86,38 @@ def read_track(
         refuse_unusable(stamps, found_poses, str(path))
         found_poses[:, :3] *= scale
         return pose_track(stamps, found_poses)
+    if path.is_dir():
+        raise ValueError(f"{path}: is a folder without a recording; name a file")
     if not path.is_file():
-        raise ValueError(f"{path}: is not a file")
+        raise ValueError(f"{path}: there is no such file")
+    if path.name == "metadata.yaml":
+        raise ValueError(f"{path}: describes a ROS 2 bag; name its folder, {path.parent}")
     if topic:
         raise ValueError(f"{path}: is no bag, so that it has no topic '{topic}'")
     if path.stat().st_size > _LARGEST_FILE:
         raise ValueError(f"{path}: is larger than {_LARGEST_FILE / 1e6:.0f} MB")
     if is_lfs_pointer(path):
         raise ValueError(f"{path}: {STANDS_FOR_ANOTHER}")
-    try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except UnicodeDecodeError:
-        raise ValueError(f"{path}: is no text; tracks are CSV or TUM files") from None
+    lines = _text(path).splitlines()
     rows = {k: line.split("#", 1)[0] for k, line in enumerate(lines, 1)}
     rows = {k: row for k, row in rows.items() if row.strip()}
     if not rows:
         raise ValueError(f"{path}: has no poses")
-    numbers, first = list(rows), next(iter(rows.values()))
+    notes = []
     if rate is not None and not (np.isfinite(rate) and rate > 0.0):
         raise ValueError(f"rate = {rate:g} Hz, need above 0")
-    separator = next((mark for mark in ",;\t" if mark in first), None)
+    last = list(rows.values())[-1]
+    separator = next((mark for mark in ";\t," if mark in last), None)
     cells = [_split(row, separator) for row in rows.values()]
-    header = None
-    if not _are_numbers(cells[0]):
-        header, cells, numbers = cells[0], cells[1:], numbers[1:]
+    header, numbers, cells = _header(list(rows), cells)
+    if len(cells) > 1 and len(cells[-1]) < len(cells[-2]):
+        notes.append(f"line {numbers.pop()} is cut short, and was not used")
+        cells.pop()
     table = _numbers(path, cells, numbers)
     if header is None and columns:
         raise ValueError(f"{path}: has no header, so that columns cannot be named")
-    notes = []
     if header:
-        found = _by_name(path, header, columns or {})
+        found = _by_name(path, header, columns or {}, notes)
         data = {name: table[:, index] for name, index in found.items()}
         rotations = all(name in data for name in _QUATERNION)
         times = data.get("time")
@@ -132,6 +138,9 @@ def read_track(
             )
     else:
         times, poses = _by_count(path, table, rate)
+    if times is not None and rate is not None:
+        times = None
+        notes.append(f"the times in {path} are not used, since a rate is given")
     if times is None:
         if rate is None:
             has = f"has {', '.join(header or [])}. " if header else ""
@@ -142,7 +151,37 @@ def read_track(
         times = np.arange(len(poses)) / rate
     refuse_unusable(times, poses, str(path), numbers)
     poses[:, :3] *= scale
-    return replace(pose_track(_seconds(times, time_scale), poses), notes=tuple(notes))
+    return replace(pose_track(in_seconds(times, time_scale), poses), notes=tuple(notes))
+
+
+def _text(path: Path) -> str:
+    """What is written in a file, in UTF-8, UTF-16 or, as older programs write it, in Latin-1."""
+    data = path.read_bytes()
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return data.decode("utf-16", errors="replace")
+    if b"\0" in data:
+        raise ValueError(
+            f"{path}: is no text; tracks are CSV or TUM files, or bags: .bag, .mcap, .db3"
+        )
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("latin-1")
+
+
+def _header(
+    lines: list[int], cells: list[list[str]]
+) -> tuple[list[str] | None, list[int], list[list[str]]]:
+    """Names of the columns, or None, and lines and cells of what follows them.
+
+    Before the first row of numbers there may be several rows of text. Those with as many cells
+    name the columns together, as where motion capture writes "Rotation" above "X".
+    """
+    first = next((k for k, row in enumerate(cells) if _are_numbers(row)), min(1, len(cells)))
+    width = len(cells[first]) if first < len(cells) else len(cells[0])
+    names = [row for row in cells[:first] if len(row) == width]
+    header = [".".join(filter(None, column)) for column in zip(*names, strict=True)]
+    return header or None, lines[first:], cells[first:]
 
 
 def _split(row: str, separator: str | None) -> list[str]:
@@ -185,8 +224,10 @@ def _numbers(path: Path, rows: Sequence[Sequence[str]], lines: Sequence[int]) ->
     return table
 
 
-def _by_name(path: Path, header: Sequence[str], given: Mapping[str, str]) -> dict[str, int]:
-    """Index of each column by what it is."""
+def _by_name(
+    path: Path, header: Sequence[str], given: Mapping[str, str], notes: list[str]
+) -> dict[str, int]:
+    """Index of each column by what it is, with a note where others could be meant."""
     unknown = sorted(set(given) - set(_NAMES))
     if unknown:
         raise ValueError(f"'{unknown[0]}' is no column of a track; there are {', '.join(_NAMES)}")
@@ -197,6 +238,7 @@ def _by_name(path: Path, header: Sequence[str], given: Mapping[str, str]) -> dic
                 raise ValueError(f"{path}: has no column '{given[name]}'; has {', '.join(header)}")
             found[name] = header.index(given[name])
             continue
+        possible = []
         for index, column in enumerate(header):
             parts = _parts(column)
             if name == "time" and len(parts) > 1 and parts[-1] in _TIME_UNITS:
@@ -205,8 +247,16 @@ def _by_name(path: Path, header: Sequence[str], given: Mapping[str, str]) -> dic
             if name in _POSITION and _NO_POSITION & set(parts[:-1]):
                 continue
             if endings & set(usual) and index not in found.values():
-                found[name] = index
-                break
+                possible.append(index)
+        if possible:
+            found[name] = possible[0]
+            names = [header[index] for index in possible]
+            if len(set(names)) < len(names):
+                raise ValueError(
+                    f"{path}: several columns are called '{names[0]}'; give them names in the file"
+                )
+            if len(names) > 1 and name in _POSITION:
+                notes.append(f"{name} is '{names[0]}', not {', '.join(names[1:])} (--columns)")
     missing = [name for name in _POSITION if name not in found]
     if missing:
         raise ValueError(
@@ -234,9 +284,3 @@ def _by_count(path: Path, table: Array, rate: float | None) -> tuple[Array | Non
         f"{path}: has {width} columns and no header; need t x y z qx qy qz qw, t x y z, or with a"
         " rate x y z or x y z qx qy qz qw"
     )
-
-
-def _seconds(times: Array, scale: float) -> Array:
-    """Times in seconds, of stamps in units that show by their size, and else by a scale."""
-    largest = float(np.nanmax(np.abs(times), initial=0.0))
-    return np.asarray(times * next((unit for least, unit in _UNITS if largest > least), scale))

@@ -91,6 +91,26 @@ def test_matrices_quaternions_and_positions_are_one_motion() -> None:
     assert np.isnan(by_position.distance[:, 0]).all()
 
 
+@pytest.mark.parametrize("unit", [1e-3, 1e-6, 1e-9])
+def test_stamps_since_1970_are_times_in_any_unit(unit: float) -> None:
+    poses = _poses(HINGE, _opened(1.2), seed=3)
+    by_seconds = joints.estimate(TIMES, poses)
+    stamps = np.round((1_700_000_000.0 + TIMES) / unit).astype(np.int64)
+    form = {1e-3: "ms", 1e-6: "us", 1e-9: "ns"}[unit]
+    for times in (stamps, stamps.astype(f"datetime64[{form}]")):
+        found = joints.estimate(times, poses)
+        assert_allclose(np.diff(found.track.times), np.diff(TIMES), atol=2e-3)
+        assert_allclose(found.S_P, by_seconds.S_P, atol=1e-3)
+
+
+def test_one_pose_that_is_sent_again_and_again_before_the_body_is_found_counts_once() -> None:
+    poses = _poses(HINGE, _opened(1.2), seed=3)
+    poses[:8] = np.eye(4)
+    found = joints.estimate(TIMES, poses)
+    assert found.type == joints.JointType.REVOLUTE
+    assert found.belief.skipped == {"measurement repeated": 7}
+
+
 def test_a_body_on_a_parent_that_moves_as_well() -> None:
     """Both are measured in A, at other times; the parent wanders and turns."""
     late = TIMES[5:-5] + 0.02

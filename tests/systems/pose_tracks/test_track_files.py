@@ -83,6 +83,18 @@ FORMS: dict[str, tuple[str, dict]] = {
         },
     ),
     "a rate for times": (_rows(P, Q), {"rate": 10.0}),
+    "motion capture": (
+        "Format Version,1.23,Take Name,door\n\n,Type"
+        + 7 * ",Rigid Body"
+        + "\n,Name"
+        + 7 * ",door"
+        + "\n,,"
+        + 4 * "Rotation,"
+        + "Position,Position,Position\n"
+        + _csv("Frame,Time (Seconds),X,Y,Z,W,X,Y,Z", np.arange(4), T, Q, P),
+        {},
+    ),
+    "a last line that was cut short": (_csv("t,x,y,z,qx,qy,qz,qw", T, P, Q) + "0.4,0.5,0", {}),
     "tabs": (_csv("t\tx\ty\tz\tqx\tqy\tqz\tqw", T, P, Q, separator="\t"), {}),
 }
 
@@ -97,6 +109,23 @@ def test_all_forms_of_a_track_give_the_same_poses(tmp_path: Path, name: str) -> 
     assert_allclose(track.X_AB[:, :3, 3], P, atol=1e-9)
     assert_allclose(track.X_AB[:, :3, :3], Rotation.from_quat(Q).as_matrix(), atol=1e-9)
     assert track.has_rotations
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16", "latin-1"])
+def test_columns_may_have_names_of_any_encoding(tmp_path: Path, encoding: str) -> None:
+    path = tmp_path / "track.csv"
+    path.write_text(_csv("t,x,y,z,Öffnung [°]", T, P, T), encoding=encoding)
+    assert_allclose(joints.read_track(path).X_AB[:, :3, 3], P)
+
+
+def test_what_of_a_file_was_not_used_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "track.csv"
+    path.write_text(_csv("t,hand.x,hand.y,hand.z,lid.x,lid.y,lid.z", T, P, P) + "0.4,0.5")
+    notes = " ".join(joints.read_track(path, rate=5.0).notes)
+    assert "line 6 is cut short" in notes
+    assert "x is 'hand.x', not lid.x" in notes
+    assert "the times in" in notes
+    assert_allclose(joints.read_track(path, rate=5.0).times, 2.0 * T)
 
 
 @pytest.mark.parametrize(
@@ -137,7 +166,8 @@ def _binary(path: Path) -> None:
         (_csv("t,x,y,z", T * np.nan, P), {}, "in 4 of 4, first in line 2, time is no number"),
         ("1 2 3 4 5\n", {}, "has 5 columns and no header"),
         ("1 2 3\n", {}, "no times; give the rate"),
-        ("1 2 3 4\n1 2 3\n", {}, "line 2 has 3 columns, others have 4"),
+        ("1 2 3 4\n1 2 3\n1 2 3 4\n", {}, "line 2 has 3 columns, others have 4"),
+        ("t,X,Y,Z,X,Y,Z\n1,2,3,4,5,6,7\n", {}, "several columns are called 'X'"),
         ("t,x,y\n1,2,3\n", {}, "no column is z; has t, x, y"),
         ("x,y,z\n1,2,3\n", {}, "no column is the time; has x, y, z. Name it"),
         ("t,x,y,z\n1,2,3,4\n", {"columns": {"x": "px"}}, "no column 'px'"),
@@ -146,8 +176,8 @@ def _binary(path: Path) -> None:
         ("1 2 3\n", {"rate": 0.0}, "rate = 0 Hz"),
         ("1 2 3 4\n", {"scale": float("nan")}, "scale = nan"),
         (_binary, {}, "is no text"),
-        (lambda path: path.mkdir(), {}, "is not a file"),
-        (lambda path: None, {}, "is not a file"),
+        (lambda path: path.mkdir(), {}, "is a folder without a recording"),
+        (lambda path: None, {}, "there is no such file"),
     ],
 )
 def test_what_is_no_track_is_refused_in_one_line(

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from crossmodal.maths import se3
-from crossmodal.maths.arrays import Array
+from crossmodal.maths.arrays import Array, Mask
 from crossmodal.maths.immutable import Immutable
 from crossmodal.systems.kinematics.joint_filters import JointFilters
 from crossmodal.systems.kinematics.joint_filters_config import JointFiltersConfig
@@ -225,7 +225,7 @@ def estimate_track(
     return found
 
 
-def _repeated(X: Array) -> Array:
+def _repeated(X: Array) -> Mask:
     """Which poses (N,) are the last one, sent again; none where all are the same.
 
     The filters cannot tell before the first other pose, as while a tracker has not found its body.

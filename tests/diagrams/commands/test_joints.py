@@ -132,7 +132,7 @@ def test_it_takes_neither_drake_nor_torch(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (["none.csv"], "none.csv: is not a file"),
+        (["none.csv"], "none.csv: there is no such file"),
         ([DRAWERS[0]], "no times; give the rate"),
         ([DRAWERS[0], "--rate", "50", "--to", "mjcf"], "--to = 'mjcf', need urdf or sdf"),
         ([*DRAWERS, "--rate", "50", "--parent", DRAWERS[0]], "--parent: named 1 times for"),

@@ -121,7 +121,7 @@ def _shows_pitch(log_evidence: Array, kf: Keyframes) -> bool:
     """
     R = kf.R[kf.size[0] - 1]
     is_seen = min(R[0, 0], R[1, 1], R[2, 2]) < 1.0
-    return bool(is_seen or log_evidence[REVOLUTE] < log_evidence[FREE])
+    return bool(is_seen or log_evidence[REVOLUTE] < log_evidence[FREE] - _SURPRISE)
 
 
 def solve_all(m: Models, kf: Keyframes, priors: Priors, steps: int, all_models: bool) -> bool:
@@ -139,8 +139,8 @@ def solve_all(m: Models, kf: Keyframes, priors: Priors, steps: int, all_models: 
     before, solved = m.log_evidence.copy(), np.zeros(JOINTS + 1, dtype=np.bool_)
     # A free motion has no need of a tracker's errors, with which the joints are solved.
     best = int(np.argmax(before[:JOINTS] if kf.wander[0] > 0.0 else before))
-    ratio = before[SCREW] - before[REVOLUTE]
     seen, gain = _shows_pitch(before, kf), 0.0
+    ratio = before[SCREW] - before[REVOLUTE] if seen else 0.0
     for i in range(-1, JOINTS + 1):
         kind = best if i < 0 else i  # The best model first, since others inherit its change.
         is_scheduled = all_models or before[kind] > before[best] - _PRUNING_THRESHOLD

@@ -41,8 +41,6 @@ class FlipSequenceConfig:
     angle: float = number(2.0, above=0.0, at_most=3.0, unit="rad")
     # Displacement of the contact after which the flip ends at the latest.
     displacement: float = number(0.25, above=0.0, at_most=2.0, unit="m")
-    # Time after which the flip has failed.
-    flip_time: float = number(60.0, above=0.0, at_most=3600.0, unit="s")
     # A contact is lost once nothing has been sensed for so long.
     lost_time: float = number(0.05, at_least=0.0, at_most=10.0, unit="s")
     # Speed at which a lost contact is sought along its last normal.

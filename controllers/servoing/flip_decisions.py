@@ -18,7 +18,7 @@ from crossmodal.controllers.servoing.flip_config import FlipSequenceConfig
 from crossmodal.maths.arrays import Array
 from crossmodal.maths.immutable import Immutable
 
-_PATIENCE = 3.0  # Longest time of a retreat, as a multiple of the planned one.
+_PATIENCE = 3.0  # Longest time of a flip or a retreat, as a multiple of the planned one.
 
 
 class FlipPhase(IntEnum):
@@ -177,7 +177,7 @@ def next_flip_state(state: FlipState, now: Sensed, config: FlipSequenceConfig) -
     there = turned >= config.angle and now.contact.touching
     if there or state.displacement >= config.displacement:
         return _enter(state, FlipPhase.RETREAT, now)
-    if state.flipped >= config.flip_time:
+    if state.flipped > _PATIENCE * config.displacement / config.feed_speed:
         return _fail(state, now, "the flap took too long to turn")
     return state
 

@@ -186,7 +186,8 @@ def test_noise_of_the_pose_is_no_way() -> None:
 
 
 def test_a_flip_that_takes_too_long_has_failed_and_says_so() -> None:
-    episode = Episode().flipping().go(CONFIG.flip_time + 0.1, touching())
+    planned = CONFIG.displacement / CONFIG.feed_speed
+    episode = Episode().flipping().go(3.0 * planned + 0.1, touching())
     assert episode.state.phase == FlipPhase.FAILED
     assert "too long" in episode.state.why
 

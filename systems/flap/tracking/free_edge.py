@@ -2,6 +2,7 @@
 
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 
 from crossmodal.maths.arrays import Array, Mask
@@ -39,8 +40,9 @@ def free_edge(
 ) -> EdgeFit | None:
     """The line along which the flap ends towards the finger; None where too little of it is seen.
 
-    Across the edge, in strips of two pixels, the flap's pixel that is farthest towards the pad
-    belongs to the edge, unless the robot is what ends the flap there.
+    What is in the flap's plane but apart from it, as what the robot's mask leaves of the finger, is
+    not the flap's. Across the edge, in strips of two pixels, the flap's pixel that is farthest
+    towards the pad belongs to the edge, unless the robot is what ends the flap there.
 
     Args:
         fit: The flap's plane.
@@ -52,9 +54,11 @@ def free_edge(
         correlation: Side of the squares over which pixels share their noise, [px]; strips of three
             such squares are needed at least.
     """
-    points = image.points(near_plane(image, near, fit.m_C, limit))
-    if len(points) == 0:
+    flap = near_plane(image, near, fit.m_C, limit).astype(np.uint8)
+    count, labels, sizes, _ = cv2.connectedComponentsWithStats(flap)
+    if count < 2:
         return None
+    points = image.points(labels == 1 + np.argmax(sizes[1:, cv2.CC_STAT_AREA]))
     n = fit.m_C / np.linalg.norm(fit.m_C)
     e = axes_C[1] - n * (n @ axes_C[1])
     e /= np.linalg.norm(e)

@@ -1,5 +1,6 @@
 """The flap's plane in rendered depth images with the camera's noise."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -126,13 +127,18 @@ def test_a_flap_that_was_never_touched_is_what_lies_ahead_of_the_finger(hangs: f
 
 
 def untouched(
-    tracker: Tracker, off: Array, hidden: Array | None = None, clearance: float = 0.03
+    tracker: Tracker,
+    off: Array,
+    hidden: Array | None = None,
+    clearance: float = 0.03,
+    added: Callable[[Array], None] = lambda depth: None,
 ) -> FlapTrack:
     """The track of a finger that waits before the edge, turned by `off` (3,) about it."""
     X_WS = tracker.lab.contact(0.0, 0.0).X_WS.copy()
     X_WS = X_WS @ pose(se3.so3_exp(off), np.zeros(3))
     X_WS[:3, 3] -= (0.01 + clearance) * X_WS[:3, 1]
     depth = measured_depth(ideal_depth(tracker.lab.tool, 0.0, tracker.lab.X_WC_true), tracker.rng)
+    added(depth)
     p_WE = tracker.lab.tool.p_WK + np.array([0.0, 0.0, 0.1])
     finger = replace(UNKNOWN_FINGERTIP, X_WS=X_WS)
     return track_flap(tracker.track, depth, hidden, p_WE, finger, tracker.lab.camera, CONFIG)
@@ -178,6 +184,25 @@ def test_where_the_robot_ends_the_flap_there_is_no_edge() -> None:
     plane = untouched(tracker, np.zeros(3), all_along).plane
     assert plane.seen
     assert np.isnan(plane.edge_W).all()
+
+
+def test_what_a_mask_leaves_of_the_finger_before_the_edge_is_not_the_flap() -> None:
+    """It is in the flap's plane, where the finger waits before a half of the edge."""
+    tracker = Tracker(3)
+    tool, camera = tracker.lab.tool, tracker.lab.camera
+    n, d, _ = tool.plane(0.0, tracker.lab.X_WC_true[:3, 3])
+
+    def left_of_finger(depth: Array) -> None:
+        for along in np.linspace(0.02, 0.07, 40):
+            for across in np.linspace(0.008, 0.016, 12):
+                p_W = tool.p_WK + tool.frame(0.0) @ [tool.length + across, 0.0, along]
+                p_W = p_W + n * (d - n @ p_W)
+                p_C = camera.X_WC[:3, :3].T @ (p_W - camera.X_WC[:3, 3])
+                column, row = np.rint(camera.intrinsics.project(p_C[None])[0]).astype(int)
+                depth[row, column] = p_C[2]
+
+    plane = untouched(tracker, np.zeros(3), added=left_of_finger).plane
+    assert plane.edge_W @ tool.k_W > np.cos(np.deg2rad(2.0))
 
 
 def test_one_surface_that_nobody_touches_is_not_the_flap() -> None:

@@ -90,9 +90,8 @@ def _export_bag(run: Path, path: Path, kind: str, *, force: bool) -> Path:
     from crossmodal.diagrams.recordings.export_bag import export_bag
     from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
 
-    if path.is_file() and not path.is_symlink() and force:
-        path.unlink()
-    elif os.path.lexists(path):
+    replaceable = force and path.is_file() and not path.is_symlink()
+    if os.path.lexists(path) and not replaceable:
         raise ScenarioError(f"{path}: exists already; name another with --out")
     return export_bag(run, path, kind)
 

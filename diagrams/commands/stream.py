@@ -36,7 +36,8 @@ def stream_command(
 
         from crossmodal.diagrams.applications import load_recorded
         from crossmodal.diagrams.run.replay import replay
-        from crossmodal.diagrams.run.stream.sinks import McapFile, opened_sink
+        from crossmodal.diagrams.run.sensor_streams.mcap_file import McapFile
+        from crossmodal.diagrams.run.stream.sinks import opened_sink
         from crossmodal.diagrams.run.yaml_input.schema import ScenarioError
         from crossmodal.systems.recordings.open_recording import is_recording
 

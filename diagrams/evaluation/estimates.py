@@ -91,11 +91,12 @@ def evaluate_rows(
     """What an episode comes to by the table of its estimates alone.
 
     For each estimator the summary holds, by quantity and component: `final_error`, `rms_error`, and
-    `inside_two_sigma`, the share of the ticks whose error lies within two reported deviations; NaN
-    where the truth, or what is reported, is unknown. `estimated` is the share of its rows that are
-    numbers. An episode that ends without a number for an estimator's quantity has failed: where
-    there is nothing to be estimated, `rows` leaves the row out. A picture of each quantity shows
-    estimate minus truth with the reported deviation, or the estimate where no truth is known.
+    `inside_two_sigma`, the share of the ticks whose error lies within two reported deviations; what
+    nobody can know, as no truth or no deviation is given, is left out. `estimated` is the share of
+    its rows that are numbers. An episode that ends without a number for an estimator's quantity has
+    failed: where there is nothing to be estimated, `rows` leaves the row out. A picture of each
+    quantity shows estimate minus truth with the reported deviation, or the estimate where no truth
+    is known.
 
     Args:
         rows: From an estimator's name, its tick and the station's at the same instant to rows of
@@ -120,13 +121,15 @@ def evaluate_rows(
     keys = ["modality", "quantity", "component"]
     for (name, quantity, component), found in table_of_errors.groupby(keys, observed=True):
         label = f"{quantity}_{component}" if component else str(quantity)
-        modalities[str(name)]["quantities"][label] = {
-            "final_error": float(found["error"].iloc[-1]),
-            "rms_error": float(np.sqrt(np.mean(found["error"] ** 2))),
-            "inside_two_sigma": float(found["inside"].mean()),
+        facts = modalities[str(name)]["quantities"][label] = {
             "estimated": float(np.isfinite(found["estimate"].astype(float)).mean()),
             "unit": units.get(str(quantity), ""),
         }
+        if found["truth"].notna().any():
+            facts["final_error"] = float(found["error"].iloc[-1])
+            facts["rms_error"] = float(np.sqrt(np.mean(found["error"] ** 2)))
+            if found["std"].notna().any():
+                facts["inside_two_sigma"] = float(found["inside"].mean())
     for quantity in table["quantity"].cat.categories:
         if quantity not in units:
             text = f"quantity '{quantity}' has no unit: name it in `units`, '' where there is none"
@@ -176,18 +179,17 @@ def _report(summary: Mapping[str, Any]) -> list[str]:
     for name, record in summary["modalities"].items():
         for quantity, errors in record["quantities"].items():
             scale, unit = readable(errors["unit"])
-            final, rms = (
-                written(None if errors[key] is None else scale * errors[key], unit)
-                for key in ("final_error", "rms_error")
-            )
-            share = errors["inside_two_sigma"]
-            inside = "-" if share is None else fixed(100.0 * share, 0)
-            missing = 1.0 - errors["estimated"]
-            without = f", no number in {fixed(100.0 * missing, 0)} % of them" if missing else ""
-            lines.append(
-                f"{name}: {quantity} {final} off at the end, {rms} RMS,"
-                f" {inside} % of the ticks inside two reported deviations{without}"
-            )
+            told = [] if "rms_error" in errors else ["no truth is given"]
+            for key, words in (("final_error", "off at the end"), ("rms_error", "RMS")):
+                if key in errors:
+                    size = None if errors[key] is None else scale * errors[key]
+                    told.append(f"{written(size, unit)} {words}")
+            if (share := errors.get("inside_two_sigma")) is not None:
+                inside = fixed(100.0 * share, 0)
+                told.append(f"{inside} % of the ticks inside two reported deviations")
+            if missing := 1.0 - errors["estimated"]:
+                told.append(f"no number in {fixed(100.0 * missing, 0)} % of the ticks")
+            lines.append(f"{name}: {quantity}: {', '.join(told)}")
     return lines
 
 

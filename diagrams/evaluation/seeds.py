@@ -19,9 +19,13 @@ def parse_seeds(text: str) -> list[int]:
             f"--seeds {text}: expected a count such as 20, a range such as 40:60"
             " or a list such as 3,5,8"
         ) from None
-    parts = [part for part in parts if part]
-    if not parts or min(part[0] for part in parts) < 0:
-        raise ScenarioError(f"--seeds {text}: names no seed, or a negative one")
+    if any(part and part[0] < 0 for part in parts):
+        raise ScenarioError(f"--seeds {text}: a seed is negative; they begin at 0")
+    if not any(parts):
+        raise ScenarioError(
+            f"--seeds {text}: names no seed; a count is at least 1, and a range such as 40:60 ends"
+            " above its start, without its end"
+        )
     return list(dict.fromkeys(seed for part in parts for seed in part))
 
 

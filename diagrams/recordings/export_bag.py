@@ -1,12 +1,8 @@
 """A run's recorded sensor streams as a bag that other programs of ROS read."""
 
-from collections.abc import Iterator
+from dataclasses import asdict
 from pathlib import Path
-from typing import Any
-
-import numpy as np
-from mcap.reader import make_reader
-from mcap_ros2.decoder import DecoderFactory
+from tempfile import TemporaryDirectory
 
 from crossmodal.diagrams.applications import load_scenario
 from crossmodal.diagrams.run.folder.run_folder import SENSORS_FILE
@@ -14,6 +10,7 @@ from crossmodal.diagrams.run.replay import check_recorded
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line
 from crossmodal.systems.recordings.bag_writer import BagWriter
 from crossmodal.systems.recordings.camera_info import CAMERA_INFO, camera_info
+from crossmodal.systems.recordings.open_recording import open_recording
 from crossmodal.systems.recordings.recording import RecordingError
 from crossmodal.systems.recordings.ros_messages import header
 
@@ -25,11 +22,11 @@ def export_bag(run: Path, path: Path, kind: str) -> Path:
 
     Args:
         run: Its folder.
-        path: Of the bag: a file of ROS 1, a folder of ROS 2; must not exist.
+        path: Of the bag: a file of ROS 1, a folder of ROS 2; a file there is replaced.
         kind: `bag` of ROS 1, `db3` or `mcap` of ROS 2.
 
     Raises:
-        ScenarioError: where there is no recording, or the bag cannot be written.
+        ScenarioError: where there is no recording, it is damaged, or the bag cannot be written.
     """
     application, scenario = load_scenario(str(check_recorded(run)))
     calibration = application.make_calibration(scenario)
@@ -43,34 +40,24 @@ def export_bag(run: Path, path: Path, kind: str) -> Path:
             )
     last: dict[str, int] = {}
     try:
-        with BagWriter(path, kind) as writer:
-            for name, message_type, message, time in _messages(run / SENSORS_FILE):
-                if name in infos and time >= last.get(name, -_INFO_INTERVAL) + _INFO_INTERVAL:
-                    beside, info = infos[name]
-                    writer.write(beside, CAMERA_INFO, info | {"header": header(time)}, time)
-                    last[name] = time
-                writer.write(name, message_type, _fields(message), time)
-    except (RecordingError, OSError) as error:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with TemporaryDirectory(dir=path.parent, prefix=f".{path.name}-") as folder:
+            partial = Path(folder, path.name)
+            with (
+                open_recording(run / SENSORS_FILE) as recording,
+                BagWriter(partial, kind) as writer,
+            ):
+                for logged in recording.messages(list(recording.topics)):
+                    name, time = logged.topic, logged.time
+                    if name in infos and time >= last.get(name, -_INFO_INTERVAL) + _INFO_INTERVAL:
+                        beside, info = infos[name]
+                        writer.write(beside, CAMERA_INFO, info | {"header": header(time)}, time)
+                        last[name] = time
+                    writer.write(name, logged.type, asdict(logged.decode()), time)
+            path.unlink(missing_ok=True)
+            partial.rename(path)
+    except RecordingError as error:
+        raise ScenarioError(str(error)) from None
+    except OSError as error:
         raise ScenarioError(f"{path}: cannot be written: {one_line(error)}") from None
     return path
-
-
-def _messages(path: Path) -> Iterator[tuple[str, str, Any, int]]:
-    with path.open("rb") as file:
-        reader = make_reader(file, decoder_factories=[DecoderFactory()])
-        for found in reader.iter_decoded_messages():
-            kind = "" if found.schema is None else found.schema.name
-            yield found.channel.topic, kind, found.decoded_message, found.message.log_time
-
-
-def _fields(message: Any) -> dict[str, Any]:
-    """The fields of a decoded message, with those of the messages in it."""
-    return {name: _plain(getattr(message, name)) for name in message.__slots__}
-
-
-def _plain(value: Any) -> Any:
-    if hasattr(value, "__slots__") and not isinstance(value, bytes | str | np.ndarray | memoryview):
-        return _fields(value)
-    if isinstance(value, list):
-        return [_plain(item) for item in value]
-    return bytes(value) if isinstance(value, memoryview) else value

@@ -8,6 +8,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from crossmodal.maths.git_lfs import STANDS_FOR_ANOTHER, is_lfs_pointer
+from crossmodal.systems.recordings.mcap_check import check_mcap
 from crossmodal.systems.recordings.recording import Logged, RecordingError, TopicFacts
 
 FILES = (".bag", ".mcap", ".db3")
@@ -18,6 +19,8 @@ _REMEDIES = (
     ("end magic is invalid", "it was not written to its end; mend it by `mcap recover FILE`"),
     ("index looks damaged", "it was cut off; mend it by `rosbag reindex FILE`"),
     ("Profile is not ros2", "its messages are not of ROS 2; convert it to a ROS 2 bag"),
+    ("Could not parse", "a message definition in it is damaged; copy or record it again"),
+    ("MemoryError", "a length in it is damaged; copy or record it again"),
     ("hash mismatch", "its message definitions do not fit its messages; convert it by rosbags"),
 )
 
@@ -74,6 +77,10 @@ class BagRecording:
         with self._damage("cannot be read"):
             self._reader = AnyReader(paths, default_typestore=store)
             self._reader.open()
+        with self._damage("is damaged"):
+            for file in _files_in(path) if path.is_dir() else [path]:
+                if file.suffix == ".mcap":
+                    check_mcap(file)
         self.topics = {
             name: TopicFacts(name=name, type=facts.msgtype or "", count=facts.msgcount)
             for name, facts in self._reader.topics.items()

@@ -6,7 +6,6 @@ record of metadata says what the streams are of: the scenario, and how long the 
 
 import contextlib
 import os
-import struct
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import islice
@@ -14,14 +13,11 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
-from mcap.exceptions import McapError
 from mcap.reader import make_reader
 from mcap.summary import Summary
 from mcap_ros2.decoder import DecoderFactory
-from mcap_ros2.writer import Writer
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
-from zstandard import ZstdError
 
 from crossmodal.diagrams.run.calibration import Calibration, CameraCalibration
 from crossmodal.diagrams.run.recorder import declare_input
@@ -33,17 +29,14 @@ from crossmodal.diagrams.run.sensor_streams.codecs import (
     codec_for,
     nanoseconds,
 )
+from crossmodal.diagrams.run.sensor_streams.mcap_file import McapFile
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line
 from crossmodal.maths.immutable import Immutable
 from crossmodal.systems.port_values import StampedImage
-from crossmodal.systems.recordings.ros_messages import definition
+from crossmodal.systems.recordings.mcap_check import check_mcap
+from crossmodal.systems.recordings.ros_messages import made
 
 _METADATA = "episode"
-# What the library raises while it reads a file with wrong bytes.
-_DAMAGE = (
-    *(OSError, McapError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError),
-    *(RecursionError, struct.error, ZstdError),
-)
 _SILENCE = 3600.0  # At most, from the last message to the episode's end, [s].
 
 
@@ -136,13 +129,7 @@ class SensorLogWriter:
         self.path = path
         self.failure = ""
         self._scenario = scenario
-        self._unfinished = path.with_name(f".{os.getpid()}-{path.name}")
-        try:
-            self._file = self._unfinished.open("wb")
-        except OSError as error:
-            raise ScenarioError(f"{path}: cannot be written: {one_line(error)}") from None
-        self._writer = Writer(self._file)
-        self._schemas: dict[str, Any] = {}
+        self._file = McapFile(path)
 
     def write(self, stream: Stream, value: Any, time: float) -> None:
         """Writes the messages of a port's value at `time` [s]."""
@@ -150,11 +137,8 @@ class SensorLogWriter:
             return
         try:
             for topic, codec in stream.parts:
-                kind = codec.message_type
-                if kind not in self._schemas:
-                    self._schemas[kind] = self._writer.register_msgdef(kind, definition(kind))
-                for stamp, message in codec.encode(value, nanoseconds(time)):
-                    self._writer.write_message(topic, self._schemas[kind], message, log_time=stamp)
+                for stamp, fields in codec.encode(value, nanoseconds(time)):
+                    self._file.write(topic, made(codec.message_type, fields), stamp)
         except OSError as error:
             self._give_up(error)
 
@@ -174,20 +158,14 @@ class SensorLogWriter:
             facts["interrupted"] = "yes"
         try:
             if facts:
-                self._writer.add_metadata(_METADATA, facts)
-            self._writer.finish()
+                self._file.describe(_METADATA, facts)
             self._file.close()
-            os.replace(self._unfinished, self.path)
         except OSError as error:
             self._give_up(error)
-        finally:
-            self._unfinished.unlink(missing_ok=True)
 
     def _give_up(self, error: OSError) -> None:
         self.failure = f"{self.path}: cannot be written: {one_line(error.strerror or error)}"
-        self._unfinished.unlink(missing_ok=True)  # What is left of the disk is for the results.
-        with contextlib.suppress(OSError):
-            self._file.close()
+        self._file.discard()  # What is left of the disk is for the results.
 
 
 class SensorLog:
@@ -224,6 +202,9 @@ class SensorLog:
             summary = self._reader.get_summary()
             if summary is None or summary.statistics is None:
                 raise ValueError("it was not written to its end; record it again")
+        with self._damage_told("is damaged"):
+            check_mcap(path)
+        with self._damage_told("cannot be read"):
             self.streams = self._held(summary, known)
             facts = next((m for m in self._reader.iter_metadata() if m.name == _METADATA), None)
             said = {} if facts is None else facts.metadata
@@ -241,8 +222,9 @@ class SensorLog:
         """Turns whatever the library makes of a damaged file into one line."""
         try:
             yield
-        except _DAMAGE as error:
-            raise ScenarioError(f"{self._path}: {what}: {one_line(error)}") from None
+        except Exception as error:
+            said = one_line(error) or type(error).__name__
+            raise ScenarioError(f"{self._path}: {what}: {said}") from None
 
     def _held(self, summary: Summary, known: list[Stream]) -> list[Stream]:
         """Those of the known streams that have messages, of the type that they are to have."""

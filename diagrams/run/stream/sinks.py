@@ -1,20 +1,16 @@
 """Where messages go: an MCAP file, or Foxglove's viewer while the program runs."""
 
 import contextlib
-import json
 import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Protocol
 
-from mcap.writer import Writer
-
+from crossmodal.diagrams.run.sensor_streams.mcap_file import McapFile, bytes_of, schema_of
 from crossmodal.diagrams.run.yaml_input.schema import ScenarioError, one_line
-from crossmodal.systems.recordings.ros_messages import definition, encoded
 
 VIEWER = "foxglove"  # In place of a file's name.
 _PORT = 8765  # Foxglove's usual one.
-_ANY_FIELDS = {"type": "object"}  # A JSON schema.
 
 
 class Sink(Protocol):
@@ -31,50 +27,6 @@ class Sink(Protocol):
 
     def close(self) -> None:
         """Nothing comes any more; what came is kept."""
-
-
-class McapFile:
-    """Writes messages into an MCAP file, which is at its place once it is closed.
-
-    Raises:
-        ScenarioError: where it cannot be written.
-    """
-
-    def __init__(self, path: Path) -> None:
-        self.place = str(path)
-        self._path = path
-        self._unfinished = path.with_name(f".{os.getpid()}-{path.name}")
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            self._file = self._unfinished.open("wb")
-        except OSError as error:
-            raise ScenarioError(f"{path}: cannot be written: {one_line(error)}") from None
-        self._writer = Writer(self._file)
-        self._writer.start(profile="ros2")
-        self._schemas: dict[str, int] = {}
-        self._channels: dict[str, int] = {}
-
-    def write(self, topic: str, message: Any, now: int) -> None:
-        if topic not in self._channels:
-            name, form, text, encoding = _schema(message)
-            if name not in self._schemas:
-                self._schemas[name] = self._writer.register_schema(name, form, text)
-            self._channels[topic] = self._writer.register_channel(
-                topic, encoding, self._schemas[name]
-            )
-        self._writer.add_message(
-            self._channels[topic], log_time=now, data=_bytes(message), publish_time=now
-        )
-
-    def close(self) -> None:
-        self._writer.finish()
-        self._file.close()
-        os.replace(self._unfinished, self._path)
-
-    def discard(self) -> None:
-        """Gives the file up."""
-        self._file.close()
-        self._unfinished.unlink(missing_ok=True)
 
 
 class FoxgloveServer:
@@ -103,14 +55,14 @@ class FoxgloveServer:
 
     def write(self, topic: str, message: Any, now: int) -> None:
         if topic not in self._channels:
-            name, form, text, encoding = _schema(message)
+            name, form, text, encoding = schema_of(message)
             self._channels[topic] = self._foxglove.Channel(
                 topic,
                 schema=self._foxglove.Schema(name=name, encoding=form, data=text),
                 message_encoding=encoding,
                 context=self._context,
             )
-        self._channels[topic].log(_bytes(message), log_time=now)
+        self._channels[topic].log(bytes_of(message), log_time=now)
 
     def close(self) -> None:
         self._server.stop()
@@ -153,19 +105,3 @@ def _open(target: str, force: bool) -> Sink:
     if os.path.lexists(target) and not force:
         raise ScenarioError(f"{target}: exists already; replace it with --force, or name another")
     return McapFile(Path(target))
-
-
-def _schema(message: Any) -> tuple[str, str, bytes, str]:
-    """Name, encoding and text of a message's schema, and the encoding of the message."""
-    if isinstance(message, dict):
-        return "Estimate", "jsonschema", json.dumps(_ANY_FIELDS).encode(), "json"
-    kind = message.__msgtype__
-    return kind, "ros2msg", definition(kind).encode(), "cdr"
-
-
-def _bytes(message: Any) -> bytes:
-    return (
-        json.dumps(message, allow_nan=False).encode()
-        if isinstance(message, dict)
-        else (encoded(message))
-    )

@@ -1,3 +1,4 @@
+import shutil
 import sys
 import types
 from pathlib import Path
@@ -9,6 +10,7 @@ from crossmodal.diagrams import command_line
 from crossmodal.diagrams.command_line import app
 
 RUNNER = CliRunner()
+RECORDING = Path(__file__).parents[2] / "recordings/drawer"
 
 
 @pytest.mark.parametrize(
@@ -68,3 +70,36 @@ def test_bad_options_are_answered_in_one_line_with_status_two(
     assert captured.err.startswith("crossmodal: ")
     assert captured.err.count("\n") == 1
     assert "; see 'crossmodal" in captured.err
+
+
+@pytest.mark.parametrize("place", ["chunk", "schema"])
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["replay", "run"],
+        ["inspect", "run"],
+        ["stream", "run", "--to", "seen.mcap"],
+        ["export", "run", "--to", "sdf"],
+        ["export", "run", "--to", "bag", "--out", "seen.bag", "--force"],
+        ["export", "run", "--to", "db3", "--out", "seen"],
+    ],
+)
+def test_a_recording_with_one_wrong_byte_is_refused_in_one_line_and_leaves_nothing(
+    command: list[str], place: str
+) -> None:
+    shutil.copytree(RECORDING, "run")
+    Path("seen.bag").write_text("mine")
+    file = Path("run/sensors.mcap")
+    data = bytearray(file.read_bytes())
+    data[len(data) // 2 if place == "chunk" else data.rindex(b"MSG: std_msgs/Header") - 20] ^= 0x15
+    file.write_bytes(data)
+    before = sorted(Path().rglob("*"))
+    result = RUNNER.invoke(app, command)
+    assert result.exit_code == 2, result.output
+    told = result.stderr.splitlines()[-1]
+    assert told.startswith("crossmodal: run")
+    assert "damaged" in told
+    assert len(told) < 200
+    assert "Traceback" not in result.output
+    assert sorted(Path().rglob("*")) == before
+    assert Path("seen.bag").read_text() == "mine"

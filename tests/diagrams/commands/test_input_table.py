@@ -238,7 +238,7 @@ ARGUMENTS: list[tuple[list[str], str]] = [
     (["evaluate", "drawr"], "did you mean 'drawer'?"),
     (["evaluate", "drawer", "--seeds", ""], "expected a count"),
     (["evaluate", "drawer", "--seeds", "0"], "names no seed"),
-    (["evaluate", "drawer", "--seeds", "-1"], "names no seed, or a negative one"),
+    (["evaluate", "drawer", "--seeds", "-1"], "a seed is negative"),
     (["evaluate", "drawer", "--seeds", "5:3"], "names no seed"),
     (["evaluate", "drawer", "--seeds", "1.5"], "expected a count"),
     (["evaluate", "drawer", "--seeds", "1-3"], "expected a count"),

@@ -22,3 +22,19 @@ def test_seeds_are_counts_ranges_and_lists(text: str, expected: list[int]) -> No
 def test_other_seeds_are_refused(text: str) -> None:
     with pytest.raises(ScenarioError, match="--seeds"):
         parse_seeds(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "cause", "other"),
+    [
+        ("5:2", "names no seed", "negative"),
+        ("0:0", "names no seed", "negative"),
+        ("0", "names no seed", "negative"),
+        ("-2:1", "negative", "names no seed"),
+        ("5:2,-1", "negative", "names no seed"),
+    ],
+)
+def test_the_one_cause_is_told(text: str, cause: str, other: str) -> None:
+    with pytest.raises(ScenarioError, match=f"--seeds {text}: .*{cause}") as told:
+        parse_seeds(text)
+    assert other not in str(told.value)

@@ -88,7 +88,8 @@ class ModelFiles:
                 f"{self._source}: {element} '{uri}': lies outside the model's folder and its"
                 " package; put it beside the model"
             )
-        hint = "; put the package beside the model or into ROS_PACKAGE_PATH" if separator else ""
+        into = "GZ_SIM_RESOURCE_PATH" if scheme == "model" else "ROS_PACKAGE_PATH"
+        hint = f"; put its folder beside the model, or name that in {into}" if separator else ""
         raise MissingFileError(f"{self._source}: {element} '{uri}': there is no such file{hint}")
 
     def holds(self, path: Path) -> bool:
@@ -98,7 +99,9 @@ class ModelFiles:
     def _in_packages(self, rest: str, base: Path) -> list[Path]:
         package, _, inside = rest.partition("/")
         ancestors = [base.resolve(), *base.resolve().parents]
-        around = [folder / package for folder in ancestors]
+        # Gazebo's worlds have their models in such a folder beside or around them.
+        beside = [folder / "models" for folder in ancestors[:4]]
+        around = [folder / package for folder in (*ancestors, *beside)]
         for folder in around:
             if any((folder / manifest).exists() for manifest in _MANIFESTS):
                 self._roots += _home_of(folder)
@@ -107,8 +110,9 @@ class ModelFiles:
             around += [folder / package / inside, folder / "share" / package / inside]
             if folder.name == package:
                 around.append(folder / inside)
-        # A package whose folder has another name, such as a download's.
-        return around + [folder / inside for folder in ancestors[:4]]
+        if inside:  # A package whose folder has another name, such as a download's.
+            around += [folder / inside for folder in ancestors[:4]]
+        return around
 
 
 def _is_there(path: Path) -> bool:

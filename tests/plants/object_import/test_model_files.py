@@ -157,3 +157,14 @@ def test_a_mesh_in_a_folder_of_its_own_finds_its_pictures_beside_it(tmp_path: Pa
     (tmp_path / "m" / "meshes" / "m.mtl").write_text("newmtl s\nmap_Kd ../textures/print.png\n")
     _, files = copied(with_mesh(tmp_path / "m" / "m.sdf", "meshes/m.obj"), tmp_path / "out")
     assert [path.suffix for path in files].count(".png") == 1
+
+
+@pytest.mark.parametrize("world", ["kitchen.sdf", "worlds/kitchen.sdf", "models/kitchen/model.sdf"])
+def test_models_are_found_where_gazebo_has_them(world: str, tmp_path: Path) -> None:
+    there = tmp_path / "g" / "models" / "cabinet"
+    there.mkdir(parents=True)
+    source = tmp_path / "g" / world
+    files = ModelFiles(source, lambda line: None)
+    assert files.find("model://cabinet", source.parent, "<uri>") == there.resolve()
+    with pytest.raises(ValueError, match=r"'model://none': there is no such file; put its folder"):
+        files.find("model://none", source.parent, "<uri>")

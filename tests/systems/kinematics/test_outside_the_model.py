@@ -36,7 +36,7 @@ TRACKS = {track.name: track for track in read_tracks()}
 )
 def test_the_type_is_right_and_the_reports_hold(name: str) -> None:
     filters = JointFilters(JointFiltersConfig())
-    outcomes = [evaluate_case(CASES[name], seed, filters) for seed in range(4)]
+    outcomes = [evaluate_case(CASES[name], seed, filters) for seed in range(3)]
     for outcome in outcomes:
         assert outcome.type in CASES[name].accepted
         if outcome.nees.size:
@@ -149,11 +149,11 @@ def test_a_drawer_that_bends_like_a_hinge_far_away_is_none(sigma: float) -> None
     assert belief.type == JointType.PRISMATIC
 
 
-@pytest.mark.parametrize(("joint", "least"), [("door", 8), ("drawer", 7)])
+@pytest.mark.parametrize(("joint", "least"), [("door", 4), ("drawer", 3)])
 def test_a_path_that_bends_is_no_proof_of_another_joint(joint: str, least: int) -> None:
-    """With independent deviations 4 and 5 of 10 are right, and a quarter of the axes inside."""
+    """With independent deviations about half are right, and a quarter of the axes inside."""
     case, filters = CASES[f"{joint}, bent by 2 mm, 1 mm"], JointFilters(JointFiltersConfig())
-    outcomes = [evaluate_case(case, seed, filters) for seed in range(10)]
+    outcomes = [evaluate_case(case, seed, filters) for seed in range(5)]
     assert sum(outcome.type == case.joint for outcome in outcomes) >= least
     assert np.mean([np.mean(outcome.axis_sigma < 2.0) for outcome in outcomes]) > 0.35
 
@@ -161,7 +161,7 @@ def test_a_path_that_bends_is_no_proof_of_another_joint(joint: str, least: int) 
 @pytest.mark.parametrize("name", ["hinge at 3 m", "hinge at 10 m"])
 def test_a_far_hinge_is_reported_where_it_is(name: str) -> None:
     filters = JointFilters(JointFiltersConfig())
-    outcomes = [evaluate_case(CASES[name], seed, filters) for seed in range(4)]
+    outcomes = [evaluate_case(CASES[name], seed, filters) for seed in range(2)]
     for outcome in outcomes:
         assert outcome.type == "revolute"
         assert abs(outcome.distance_z) < 3.0

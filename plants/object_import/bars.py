@@ -136,9 +136,15 @@ def _section(
     if len(segments) == 0:
         return np.zeros((0, 3)), np.zeros((0, 3)), np.inf
     labels = _connected(segments)
-    pieces = [_points(segments[labels == label]) for label in range(labels.max() + 1)]
-    distances = [_distance(piece[:, [0, 2]], point[[0, 2]]) for piece in pieces]
-    # Of those whose bounds hold the point, the bar is the smallest.
+    outlines = [segments[labels == label] for label in range(labels.max() + 1)]
+    pieces = [_points(outline) for outline in outlines]
+    distances = [
+        0.0
+        if _is_inside(outline[:, :, [0, 2]], point[[0, 2]])
+        else float(np.linalg.norm((piece - point)[:, [0, 2]], axis=1).min())
+        for outline, piece in zip(outlines, pieces, strict=True)
+    ]
+    # Of those that hold the point, the bar is the smallest.
     nearest = min(range(len(pieces)), key=lambda k: (distances[k], np.ptp(pieces[k], axis=0).max()))
     low, high = pieces[nearest].min(axis=0), pieces[nearest].max(axis=0)
     others = [
@@ -170,11 +176,14 @@ def _points(segments: Array) -> Array:
     return np.concatenate(rows)
 
 
-def _distance(outline: Array, point: Array) -> float:
-    """From a point to an outline (n, 2); 0 where it is inside of its bounds."""
-    low, high = outline.min(axis=0), outline.max(axis=0)
-    if np.all((low <= point) & (point <= high)):
-        # A frame in the hollow of a bin is in its bounds, but not in a bar.
-        nearest = float(np.min(np.linalg.norm(outline - point, axis=1)))
-        return 0.0 if np.min(high - low) < 4.0 * nearest + _SPACING else nearest
-    return float(np.min(np.linalg.norm(outline - point, axis=1)))
+def _is_inside(segments: Array, point: Array) -> bool:
+    """Whether a point (2,) is inside of an outline of segments (n, 2, 2), each once or twice.
+
+    A ray from it crosses the outline an odd number of times.
+    """
+    ends = np.round(segments, 6)
+    ends = np.unique([sorted(pair) for pair in ends.tolist()], axis=0) - point
+    (x, y), (other_x, other_y) = ends[:, 0].T, ends[:, 1].T
+    crossing = (y > 0.0) != (other_y > 0.0)
+    slope = (other_x - x)[crossing] / (other_y - y)[crossing]
+    return bool(np.sum(x[crossing] - y[crossing] * slope > 0.0) % 2)

@@ -62,8 +62,12 @@ def bar_at(solid: trimesh.Trimesh, reach: float) -> Bar | None:
     points = np.concatenate(rest)
     around = np.abs(points[points[:, 0] > -_FINGERS, 2])
     face = float(here[:, 0].min())
-    points = points[(np.abs(points[:, 2] - middle[2]) < _BEHIND) & (points[:, 0] < face)]
-    behind = -float(points[:, 0].max()) if len(points) else np.inf
+    # Fingers close on both sides of a stem in the middle.
+    rest[0] = others[np.abs(others[:, 2] - middle[2]) > 0.5 * np.ptp(here[:, 2])]
+    points = np.concatenate(rest)
+    near = (np.abs(points[:, 2] - middle[2]) < _BEHIND) & (points[:, 0] < face + _SPACING)
+    points = points[near]
+    behind = -float(min(points[:, 0].max(), face)) if len(points) else np.inf
     way = along[-1] - along[1] if len(along) > 2 else along[-1] - along[0]
     tilt = float(np.arctan2(np.hypot(way[0], way[2]), abs(way[1]))) if np.any(way) else 0.0
     thickness = np.ptp(here, axis=0)[[0, 2]] * np.cos(tilt)

@@ -63,12 +63,14 @@ def bars_of(
     parts = _parts(solid)
     for k, part in enumerate(parts):
         middle, y, length, width = _along(part)
-        y = y * np.sign(max(axes.T @ y, key=abs))
         is_knob = _LEAST <= length < SHORTEST
         if not is_knob and not (SHORTEST <= length <= _LONGEST and length >= _SLENDER * width):
             continue
         others = [other for i, other in enumerate(parts) if i != k]
         going, x = way(middle), None
+        if is_knob:
+            middle, y, length, width = _along(part, going.way)
+        y = y * np.sign(max(axes.T @ y, key=abs))
         # A lever reaches to its axis, and turns about the way out of what that is in.
         is_lever = 0.0 < going.rate <= length and bool(np.any(going.axis))
         for fixed_to in ([whole],) if is_lever else (others, [whole]):
@@ -145,9 +147,15 @@ def _parts(solid: trimesh.Trimesh) -> list[trimesh.Trimesh]:
     return [part for part in parts if len(part.vertices) > 3]
 
 
-def _along(part: trimesh.Trimesh) -> tuple[Array, Array, float, float]:
-    """Middle (3,) and direction (3,) of a part's longest extent, its length and its width, [m]."""
+def _along(part: trimesh.Trimesh, way: Array | None = None) -> tuple[Array, Array, float, float]:
+    """Middle (3,) and direction (3,) of a part's longest extent, its length and its width, [m].
+
+    Args:
+        way: Unit vector (3,) across which the extent is to be; 0 or None for any.
+    """
     spread = part.vertices - part.vertices.mean(axis=0)
+    if way is not None:
+        spread = spread - np.outer(spread @ way, way)
     _, _, axes = np.linalg.svd(spread, full_matrices=False)
     inside = part.vertices @ axes.T
     middle = 0.5 * (inside.min(axis=0) + inside.max(axis=0)) @ axes

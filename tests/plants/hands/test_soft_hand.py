@@ -35,9 +35,18 @@ OUT = 0.035
 
 
 def add_bar(
-    plant: MultibodyPlant, shape: Shape, X_EShape: RigidTransform, panel: float, axis: list[float]
+    plant: MultibodyPlant,
+    shape: Shape,
+    X_EShape: RigidTransform,
+    panel: float,
+    axis: list[float],
+    stem: float,
 ) -> RigidBody:
-    """A shape in front of a panel at z of E = `panel`, that slides along an axis of E (3,)."""
+    """A shape in front of a panel at z of E = `panel`, that slides along an axis of E (3,).
+
+    Args:
+        stem: Radius of what is between both, [m]; zero for nothing.
+    """
     instance = plant.AddModelInstance("bar")
     inertia = SpatialInertia.SolidCylinderWithMass(2.0, 0.05, 0.2, [0, 1, 0])
     body = plant.AddRigidBody("bar", instance, inertia)
@@ -47,6 +56,9 @@ def add_bar(
     AddRigidHydroelasticProperties(0.012, properties)
     properties.AddProperty("material", "coulomb_friction", CoulombFriction(1.0, 1.0))
     plant.RegisterCollisionGeometry(body, X_EShape, shape, "bar", properties)
+    if stem:
+        X_EStem = RigidTransform([0, 0, 0.5 * panel])
+        plant.RegisterCollisionGeometry(body, X_EStem, Cylinder(stem, panel), "stem", properties)
     if np.isfinite(panel):
         behind, friction = RigidTransform([0, 0, panel + 0.01]), CoulombFriction(0.5, 0.5)
         plant.RegisterCollisionGeometry(body, behind, Box(0.4, 0.4, 0.02), "panel", friction)
@@ -73,7 +85,12 @@ def slip(
 
 
 def slip_of(
-    force: float, shape: Shape, X_EShape: RigidTransform, panel: float, axis: list[float]
+    force: float,
+    shape: Shape,
+    X_EShape: RigidTransform,
+    panel: float,
+    axis: list[float],
+    stem: float = 0.0,
 ) -> float:
     """How far a shape comes out of the hand, drawn by a force along an axis of E, [m]."""
     builder = DiagramBuilder()
@@ -85,7 +102,7 @@ def slip_of(
     hand = add_model(make_parser(plant), HAND_FILE, "hand")
     end_effector = plant.GetFrameByName("end_effector", hand)
     plant.WeldFrames(plant.world_frame(), end_effector)
-    bar = add_bar(plant, shape, X_EShape, panel, axis)
+    bar = add_bar(plant, shape, X_EShape, panel, axis, stem)
     plant.Finalize()
     ignore_self_collision(plant, scene_graph, hand)
     air = builder.AddSystem(PneumaticHand(PneumaticHandConfig()))
@@ -128,10 +145,12 @@ def test_the_hand_holds_what_is_in_its_range(case: dict[str, float]) -> None:
     assert slip(**case) < OUT
 
 
-def test_the_hand_holds_knobs() -> None:
-    radius = 0.5 * CAN.least_knob
+@pytest.mark.parametrize(
+    ("radius", "stem"), [(0.5 * CAN.least_knob, 0.0), (0.5 * CAN.least_knob, 0.004), (0.02, 0.008)]
+)
+def test_the_hand_holds_knobs_also_on_a_stem(radius: float, stem: float) -> None:
     panel = max(CAN.behind, radius + CAN.clearance)
-    assert slip_of(15.0, Sphere(radius), RigidTransform(), panel, [0, 0, 1]) < OUT
+    assert slip_of(15.0, Sphere(radius), RigidTransform(), panel, [0, 0, 1], stem) < OUT
 
 
 @pytest.mark.parametrize("thickness", [CAN.least_thickness, CAN.most_thickness])

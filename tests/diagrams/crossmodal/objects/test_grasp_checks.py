@@ -49,6 +49,36 @@ def test_a_bars_thickness_and_clearance_are_found(
     assert found.tilt < 0.01
 
 
+def test_a_bar_is_found_beside_a_panel_in_whose_bounds_the_frame_is() -> None:
+    """As where a door goes slantwise out of the frame's x."""
+    solid = bar(clearance=0.03).apply_transform(rotation_matrix(0.2, [0, 1, 0]))
+    found = bar_at(solid.apply_translation([-0.02, 0, 0]), 0.03)
+    assert found is not None
+    assert_allclose(found.thickness, 0.018, rtol=0.05)
+
+
+@pytest.mark.parametrize(("stem", "clearance"), [(0.012, 0.03), (0.04, 0.0)])
+def test_fingers_close_on_both_sides_of_a_stem_that_is_thinner(
+    stem: float, clearance: float
+) -> None:
+    solid = [trimesh.creation.icosphere(3, 0.016), trimesh.creation.box([0.03, stem, stem])]
+    solid += [trimesh.creation.box([0.02, 0.4, 0.4])]
+    solid[1].apply_translation([-0.031, 0, 0])
+    solid[2].apply_translation([-0.016 - 0.03 - 0.01, 0, 0])
+    found = bar_at(trimesh.util.concatenate(solid), 0.03)
+    assert found is not None
+    assert_allclose(found.thickness, 0.032, rtol=0.05)
+    assert_allclose(found.clearance, clearance, atol=0.003)
+
+
+def test_what_stands_on_a_panel_has_nothing_free_behind_it() -> None:
+    solid = [trimesh.creation.box([0.04, 0.02, 0.02]), trimesh.creation.box([0.02, 0.4, 0.4])]
+    solid[1].apply_translation([-0.03, 0, 0])
+    found = bar_at(trimesh.util.concatenate(solid), 0.03)
+    assert found is not None
+    assert found.clearance == pytest.approx(0.0, abs=1e-6)
+
+
 def test_a_bars_tilt_is_found_and_leaves_its_thickness() -> None:
     found = bar_at(bar(tilt=0.4), 0.03)
     assert found is not None

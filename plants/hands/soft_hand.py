@@ -26,7 +26,7 @@ class GraspRange:
 
     Attributes:
         least_thickness: [m].
-        least_knob: Least thickness of what is shorter than the hand is wide, [m].
+        least_knob: Least thickness of what is shorter than the hand is wide, on a stem, [m].
         most_thickness: Of what passes between its open fingers, [m].
         most_depth: Along the approach, of what the fingers close behind, [m].
         clearance: Least free space behind it, for the fingers, [m].
@@ -58,7 +58,7 @@ class GraspRange:
 # between fingers and thumb.
 SOFT_HAND_RANGE = GraspRange(
     least_thickness=0.004,
-    least_knob=0.018,
+    least_knob=0.022,
     most_thickness=0.055,
     most_depth=0.055,
     clearance=0.01,

@@ -146,7 +146,8 @@ def test_the_hand_holds_what_is_in_its_range(case: dict[str, float]) -> None:
 
 
 @pytest.mark.parametrize(
-    ("radius", "stem"), [(0.5 * CAN.least_knob, 0.0), (0.5 * CAN.least_knob, 0.004), (0.02, 0.008)]
+    ("radius", "stem"),
+    [(0.5 * CAN.least_knob, 0.003), (0.5 * CAN.least_knob, 0.006), (0.02, 0.008)],
 )
 def test_the_hand_holds_knobs_also_on_a_stem(radius: float, stem: float) -> None:
     panel = max(CAN.behind, radius + CAN.clearance)

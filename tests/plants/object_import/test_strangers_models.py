@@ -506,7 +506,7 @@ def test_a_place_to_hold_is_the_bar_even_where_the_middle_of_the_part_is_not(
     ("part", "fault"),
     [
         (BAR.replace("0.06", "0.024"), "6 mm are free behind it, the fingers need 10 mm"),
-        (BAR.replace("0.16", "0.04"), "it is 40 mm long and 16 mm thick, a knob needs 18 mm"),
+        (BAR.replace("0.16", "0.04"), "it is 40 mm long and 16 mm thick, a knob needs 22 mm"),
     ],
 )
 def test_handles_that_the_hand_cannot_hold_are_named_and_why(

@@ -237,7 +237,7 @@ def merge(kf: Keyframes, k: int, turn: Array) -> None:
     ratio, inverse = np.sqrt((first / second).sum()), np.sqrt((second / first).sum())
     weight = ratio / (ratio + inverse)
     xi, rotation = np.empty(6), kf.Z[k, :3, :3].copy()
-    unmeasured = kf.R[k, :3, :3].diagonal().min() > MEASURED
+    unmeasured = min(first[:3].min(), second[:3].min()) > MEASURED
     if unmeasured:
         kf.Z[k + 1, :3, :3] = so3_exp(turn) @ rotation
     relative_log(kf.Z[k], kf.Z[k + 1], xi)

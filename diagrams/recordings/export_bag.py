@@ -38,24 +38,22 @@ def export_bag(run: Path, path: Path, kind: str) -> Path:
                 f"{topic.name.rpartition('/')[0]}/camera_info",
                 camera_info(camera.intrinsics),
             )
-    last: dict[str, int] = {}
+    due: dict[str, int] = {}  # When a camera's info is written again, [ns].
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with TemporaryDirectory(dir=path.parent, prefix=f".{path.name}-") as folder:
-            partial = Path(folder, path.name)
-            with (
-                open_recording(run / SENSORS_FILE) as recording,
-                BagWriter(partial, kind) as writer,
-            ):
-                for logged in recording.messages(list(recording.topics)):
-                    name, time = logged.topic, logged.time
-                    if name in infos and time >= last.get(name, -_INFO_INTERVAL) + _INFO_INTERVAL:
-                        beside, info = infos[name]
-                        writer.write(beside, CAMERA_INFO, info | {"header": header(time)}, time)
-                        last[name] = time
-                    writer.write(name, logged.type, asdict(logged.decode()), time)
-            path.unlink(missing_ok=True)
-            partial.rename(path)
+        with open_recording(run / SENSORS_FILE) as recording:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with TemporaryDirectory(dir=path.parent, prefix=f".{path.name}-") as folder:
+                partial = Path(folder, path.name)
+                with BagWriter(partial, kind) as writer:
+                    for logged in recording.messages(list(recording.topics)):
+                        name, time = logged.topic, logged.time
+                        if name in infos and time >= due.get(name, 0):
+                            beside, info = infos[name]
+                            writer.write(beside, CAMERA_INFO, info | {"header": header(time)}, time)
+                            due[name] = time + _INFO_INTERVAL
+                        writer.write(name, logged.type, asdict(logged.decode()), time)
+                path.unlink(missing_ok=True)
+                partial.rename(path)
     except RecordingError as error:
         raise ScenarioError(str(error)) from None
     except OSError as error:

@@ -81,7 +81,7 @@ def test_bad_options_are_answered_in_one_line_with_status_two(
         ["stream", "run", "--to", "seen.mcap"],
         ["export", "run", "--to", "sdf"],
         ["export", "run", "--to", "bag", "--out", "seen.bag", "--force"],
-        ["export", "run", "--to", "db3", "--out", "seen"],
+        ["export", "run", "--to", "db3", "--out", "new/seen"],
     ],
 )
 def test_a_recording_with_one_wrong_byte_is_refused_in_one_line_and_leaves_nothing(

@@ -23,7 +23,7 @@ class Servoing:
     """How the fingertip turned the flap; NaN for what did not come about.
 
     Attributes:
-        turned: Largest angle until the flipping ended, [rad].
+        turned: The flap's angle when the flipping ended, [rad].
         longest_loss: Longest time without contact while flipping, [s].
         contact_position_rms: Of the contact on the fingertip about its mean, after settling, [m].
         contact_position_offset: That mean's distance from the centre of the pad along x, [m].
@@ -142,7 +142,8 @@ def measure_servoing(truth: TrueFlap, force_desired: float) -> Servoing:
     """
     flipping = np.flatnonzero(truth.flipping)
     theta = truth.theta[: flipping[-1] + 1] if len(flipping) else truth.theta
-    turned = float(np.nanmax(theta, initial=0.0)) if len(theta) else 0.0
+    known = theta[np.isfinite(theta)]
+    turned = float(known[-1]) if len(known) else 0.0
     if len(flipping) == 0:
         return Servoing(turned=turned)
     times = truth.times[flipping]

@@ -246,3 +246,9 @@ def test_an_episode_that_ends_before_the_jerk_shows_nothing() -> None:
     assert recovery(touched_but(), late) is None
     assert summarise_recoveries(touched_but(), [late])["contact_reestablished"] is False
     assert summarise_recoveries(touched_but(), []) == {}
+
+
+def test_a_flap_that_went_back_was_not_turned() -> None:
+    there_and_back = np.interp(TIMES, [TIMES[0], TIMES.mean(), TIMES[-1]], [0.0, 1.9, 0.1])
+    episode = true_flap(theta=there_and_back, flipping=np.ones(len(TIMES), bool))
+    assert measure_servoing(episode, 0.5).turned == pytest.approx(0.1)

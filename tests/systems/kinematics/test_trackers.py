@@ -125,14 +125,14 @@ def test_errors_correlated_in_time_are_found_and_no_proof_of_another_joint() -> 
     wrong = 0
     for name in ("door", "drawer", "rigid"):
         case = CASES[name]
-        for seed in range(4):
+        for seed in range(2):
             stream = simulate_case(case, seed)
             poses = _filtered(case, stream, np.random.default_rng(seed))
             _, beliefs = _run(stream.times, poses, [case.covariance] * len(poses))
             wrong += not _reported(beliefs, stream.times, 2.0) <= {JointType(case.joint)}
             assert beliefs[-1].fit is not None
             assert 0.5 < beliefs[-1].fit.noise_correlation < 0.95
-    assert wrong <= 2  # Of 12; without an estimate of the correlation it was 11.
+    assert wrong <= 1  # Of 6; without an estimate of the correlation nearly all.
 
 
 @pytest.mark.parametrize(("reported", "rotations"), [(1.0, 1), (3.0, 1), (3.0, 2)])
@@ -164,7 +164,7 @@ def _slide_then_turn(times: Array, rng: np.random.Generator) -> Array:
 def test_a_joint_that_becomes_another_is_not_reported(noise: float) -> None:
     scale = np.repeat([np.deg2rad(noise / 3e-3), noise], 3)
     times = np.arange(241) / 15.0
-    for seed in range(4):
+    for seed in range(2):
         rng = np.random.default_rng(seed)
         poses = [X @ se3.exp(scale * rng.normal(size=6)) for X in _slide_then_turn(times, rng)]
         _, beliefs = _run(times, np.array(poses), [np.diag(scale**2)] * len(times))

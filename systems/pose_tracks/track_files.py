@@ -106,8 +106,8 @@ def read_track(
     notes = []
     if rate is not None and not (np.isfinite(rate) and rate > 0.0):
         raise ValueError(f"rate = {rate:g} Hz, need above 0")
-    last = list(rows.values())[-1]
-    separator = next((mark for mark in ";\t," if mark in last), None)
+    whole = list(rows.values())[-2:][0]  # The last row may be cut short.
+    separator = next((mark for mark in ";\t," if mark in whole), None)
     cells = [_split(row, separator) for row in rows.values()]
     header, numbers, cells = _header(list(rows), cells)
     if len(cells) > 1 and len(cells[-1]) < len(cells[-2]):

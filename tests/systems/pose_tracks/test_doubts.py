@@ -88,7 +88,7 @@ def test_all_poses_count_whose_clock_was_set_back_or_that_came_late() -> None:
 
 
 def test_rotations_that_are_taken_to_err_smoothly_are_told() -> None:
-    """The door sags by 4 mm, by which positions show another axis than rotations."""
+    """The door sags by 5 mm, by which positions show another axis than rotations."""
     times, q = np.arange(150) / 15, 1.1 * np.sin(0.5 * np.pi * np.arange(150) / 150) ** 2
     noise = np.repeat([0.005, 0.001], 3) * np.random.default_rng(0).standard_normal((150, 6))
     X = np.array([se3.exp(a * HINGE) @ se3.exp(n) for a, n in zip(q, noise, strict=True)])

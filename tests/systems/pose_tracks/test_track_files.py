@@ -95,6 +95,10 @@ FORMS: dict[str, tuple[str, dict]] = {
         {},
     ),
     "a last line that was cut short": (_csv("t,x,y,z,qx,qy,qz,qw", T, P, Q) + "0.4,0.5,0", {}),
+    "a last line of which hardly anything is left": (
+        _csv("t,x,y,z,qx,qy,qz,qw", T, P, Q) + "0",
+        {},
+    ),
     "tabs": (_csv("t\tx\ty\tz\tqx\tqy\tqz\tqw", T, P, Q, separator="\t"), {}),
 }
 
